@@ -5,7 +5,8 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 use sdf_grid::{
-    FaceGrid, Matrix6, SurfaceFeatures, SurfacePoint, TriangleMesh, Vector6, surface_points,
+    FaceGrid, Matrix6, PatchAxis, SurfaceFeatures, SurfacePoint, TriangleMesh, Vector6,
+    surface_points,
 };
 
 use crate::geometry::se3::Pose;
@@ -122,6 +123,8 @@ pub struct MatingContact {
     /// How far mating faces of hypotheses may lie in one another, and how far apart poses are that
     /// count as different, metres.
     pub(crate) resolution: f64,
+    /// The fixed part's axes of turn, those with most area first.
+    pub(super) axes: Vec<PatchAxis>,
     /// Corners of the moving part's box, its frame, metres.
     pub(crate) corners: [DVec3; 8],
 }
@@ -152,7 +155,10 @@ impl MatingContact {
         for s in &samples {
             patch_samples[s.patch] += 1;
         }
+        let mut axes = fixed_features.axes.clone();
+        axes.sort_by(|a, b| b.area().total_cmp(&a.area()));
         Self {
+            axes,
             fixed: FaceGrid::new(fixed, clearance),
             fixed_depth: FaceGrid::new(fixed, resolution),
             moving: FaceGrid::new(moving, resolution),

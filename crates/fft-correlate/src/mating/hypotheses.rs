@@ -451,8 +451,10 @@ impl<'a> AxisPair<'a> {
         for m in &moving.patches {
             for f in fixed.patches.iter().filter(|f| f.convex != m.convex) {
                 let [pin, hole] = if m.convex { [m, f] } else { [f, m] };
-                let ratio = pin.radius / hole.radius;
-                if PIN_RATIO.contains(&ratio) {
+                // Of cones, where they have a radius in common.
+                let [least, most] = [pin.radii[0] / hole.radii[1], pin.radii[1] / hole.radii[0]];
+                let ratio = (pin.radius / hole.radius).clamp(PIN_RATIO.start, 1.0);
+                if least < PIN_RATIO.end && most > PIN_RATIO.start {
                     weight = weight.max(m.area.min(f.area) * (1.0 - (1.0 - ratio).abs()));
                     spans.push((m.span, f.span));
                 }

@@ -1,16 +1,29 @@
 //! The joint that contact leaves: which motions are free, about which axis, how far.
 
 use glam::DVec3;
-use sdf_grid::Vector6;
+use sdf_grid::{Matrix6, Vector6};
 
-use super::contact::{ContactGramian, MatingContact};
+use super::contact::MatingContact;
 use crate::geometry::se3::Pose;
 
-/// A motion is free if contact resists it by less than this share of what it resists most.
-const FREE: f64 = 1e-3;
+/// A motion is free if contact resists it by less than this share of what it resists most: facets of
+/// threads do by up to 2e-3, and the least that a part is held by is some 1e-2.
+const FREE: f64 = 5e-3;
+
+/// But a motion that is resisted in one sense only, as by a slender taper, is held by more than this.
+const ONE_SIDED: f64 = 1e-5;
+const OTHER_SENSE: f64 = 0.03;
+
+/// A part turns about an axis without advancing if that is resisted by less than this share.
+const TURNS: f64 = 1e-4;
 
 /// Turns this small against displacements, or the other way round, are none.
 const NONE: f64 = 0.05;
+
+/// A joint turns about an axis of the fixed part that leans by at most 3 degrees from the one found,
+/// so many clearances beside it.
+const SAME_AXIS_COSINE: f64 = 0.9986;
+const SAME_AXIS: f64 = 1.0;
 
 /// Travel is followed in steps of this many clearances.
 const STRIDE: f64 = 1.0;
@@ -121,8 +134,8 @@ struct Motion {
 impl MatingContact {
     /// The joint that contact leaves at a pose.
     pub fn joint(&self, pose: &Pose) -> Joint {
-        let gramian = self.gramian(pose, self.clearance());
-        let mut joint = self.classify(&gramian, pose);
+        let mut joint = self.classify(pose);
+        self.snap(&mut joint);
         let centre = pose.apply(self.centre);
         let about_axis = |turn: DVec3, along: f64| Motion {
             shift: turn.cross(centre - joint.point) + along * joint.axis,
@@ -153,21 +166,103 @@ impl MatingContact {
         joint
     }
 
-    /// Kind and axis.
-    fn classify(&self, gramian: &ContactGramian, pose: &Pose) -> Joint {
-        let centre = pose.apply(self.centre);
-        let (values, vectors) = gramian.matrix.eigen();
-        let free = match gramian.share {
-            0.0 => 6,
-            _ => values.iter().filter(|v| **v < FREE * values[5]).count(),
+    /// Gives a joint that turns the exact axis of the fixed part that it turns about: a part that leans
+    /// in its play does not lean the axis.
+    fn snap(&self, joint: &mut Joint) {
+        if !matches!(
+            joint.kind,
+            JointKind::Revolute | JointKind::Cylindrical | JointKind::Screw
+        ) {
+            return;
+        }
+        let same = self.axes.iter().find(|axis| {
+            let apart = axis.point - joint.point;
+            let off = apart - joint.axis * apart.dot(joint.axis);
+            axis.direction.dot(joint.axis).abs() > SAME_AXIS_COSINE
+                && off.length() < SAME_AXIS * self.clearance()
+        });
+        if let Some(axis) = same {
+            let along = (joint.point - axis.point).dot(axis.direction);
+            joint.point = axis.point + along * axis.direction;
+            joint.axis = axis.direction * axis.direction.dot(joint.axis).signum();
+        }
+    }
+
+    /// The motions that contact leaves free at a pose; none if nothing mates.
+    ///
+    /// They are those of the Gramian about the middle of what mates, with its own radius as the unit of
+    /// turns: a small joint of a large part is held as well as one of a small part.
+    fn free_motions(&self, pose: &Pose) -> Option<Vec<Motion>> {
+        let [samples, _] = self.samples();
+        let mut mating: Vec<(DVec3, DVec3, f64)> = Vec::new();
+        self.visit_mating(samples, pose, self.clearance(), |s, p, n, _, _| {
+            mating.push((p, n, s.weight));
+        });
+        let sum = |of: &dyn Fn(DVec3) -> f64| mating.iter().map(|m| m.2 * of(m.0)).sum::<f64>();
+        let weight = sum(&|_| 1.0);
+        let middle = mating.iter().map(|m| m.2 * m.0).sum::<DVec3>() / weight;
+        let radius = (sum(&|p| p.distance_squared(middle)) / weight).sqrt();
+        if !radius.is_normal() {
+            return None;
+        }
+        let rows = mating.iter().map(|(p, n, weight)| {
+            let t = (*p - middle).cross(*n) / radius;
+            ([n.x, n.y, n.z, t.x, t.y, t.z], *weight)
+        });
+        let mut gramian = Matrix6::default();
+        for (row, weight) in rows.clone() {
+            gramian.add_outer(weight, &row);
+        }
+        let (values, vectors) = gramian.eigen();
+        let one_sided = |motion: &Vector6| {
+            let mut senses = [0.0; 2];
+            for (row, weight) in rows.clone() {
+                let along: f64 = row.iter().zip(motion).map(|(r, m)| r * m).sum();
+                senses[usize::from(along < 0.0)] += weight * along * along;
+            }
+            senses[0].min(senses[1]) < OTHER_SENSE * (senses[0] + senses[1])
         };
-        let motions: Vec<Motion> = vectors[..free]
-            .iter()
-            .map(|v| Motion {
-                shift: DVec3::new(v[0], v[1], v[2]),
-                turn: DVec3::new(v[3], v[4], v[5]) / self.radius,
-            })
-            .collect();
+        let free = values.iter().zip(&vectors).filter(|(value, motion)| {
+            let share = *value / values[5];
+            share < FREE && (share < ONE_SIDED || !one_sided(motion))
+        });
+        let mut free: Vec<Vector6> = free.map(|(_, motion)| *motion).collect();
+        // A screw that turns as freely without advancing is none.
+        if let [motion] = free.as_mut_slice() {
+            let axis = DVec3::new(motion[3], motion[4], motion[5]).normalize_or_zero();
+            let shift = DVec3::new(motion[0], motion[1], motion[2]);
+            let turn = shift.reject_from_normalized(axis).to_array();
+            let turn = [turn[0], turn[1], turn[2], motion[3], motion[4], motion[5]];
+            let along = |row: &Vector6| row.iter().zip(&turn).map(|(r, m)| r * m).sum::<f64>();
+            let resisted: f64 = rows.clone().map(|(row, w)| w * along(&row).powi(2)).sum();
+            if axis != DVec3::ZERO && resisted < TURNS * values[5] {
+                *motion = turn;
+            }
+        }
+        // At the part's centre instead of the middle, unit length where turns count by its radius.
+        let centre = pose.apply(self.centre);
+        let at_centre = |v: &Vector6| {
+            let turn = DVec3::new(v[3], v[4], v[5]) / radius;
+            let shift = DVec3::new(v[0], v[1], v[2]) + turn.cross(centre - middle);
+            let size = (shift.length_squared() + (turn * self.radius).length_squared()).sqrt();
+            Motion {
+                shift: shift / size,
+                turn: turn / size,
+            }
+        };
+        Some(free.iter().map(at_centre).collect())
+    }
+
+    /// Kind and axis.
+    fn classify(&self, pose: &Pose) -> Joint {
+        let centre = pose.apply(self.centre);
+        let Some(motions) = self.free_motions(pose) else {
+            return Joint {
+                kind: JointKind::Undetermined(6),
+                point: centre,
+                ..Joint::default()
+            };
+        };
         let joint = |kind, axis: DVec3, point, pitch| Joint {
             kind,
             axis,
@@ -183,10 +278,12 @@ impl MatingContact {
                 })
                 .collect(),
         };
-        let none = joint(JointKind::Undetermined(free), DVec3::ZERO, centre, 0.0);
-        if gramian.share == 0.0 {
-            return none;
-        }
+        let none = joint(
+            JointKind::Undetermined(motions.len()),
+            DVec3::ZERO,
+            centre,
+            0.0,
+        );
         let (turns, slides) = self.split(&motions);
         match (turns.as_slice(), slides.as_slice()) {
             ([], []) => joint(JointKind::Fixed, DVec3::ZERO, centre, 0.0),

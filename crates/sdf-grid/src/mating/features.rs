@@ -31,6 +31,9 @@ const FACET_AREA: f64 = 0.25;
 /// segments allow as much.
 const SLIDES: f64 = 4e-3;
 
+/// Corners of a sphere's patch lie so near to it, shares of its radius.
+const ON_SPHERE: f64 = 0.01;
+
 /// Axes that turn from each other by less are parallel: 2 degrees.
 const PARALLEL_COSINE: f64 = 0.9994;
 
@@ -75,6 +78,8 @@ pub struct RoundPatch {
     pub area: f64,
     /// Root mean square distance from the axis, metres.
     pub radius: f64,
+    /// Least and greatest distance from the axis, metres: they differ for a cone or a thread.
+    pub radii: [f64; 2],
     /// Whether its normals lead away from the axis, as of a pin, rather than towards it.
     pub convex: bool,
     /// Where it begins and ends along the axis, metres from the axis' point.
@@ -413,8 +418,22 @@ impl<'a> Surface<'a> {
             1 => motions[0],
             2 if turn(&motions[0]).length() < turn(&motions[1]).length() => motions[1],
             2 => motions[0],
-            3 if motions[..3].iter().all(|m| turn(m).length() > 0.1) => {
-                return self.sphere(faces, area).map(Round::Sphere);
+            3 | 4
+                if motions[..free]
+                    .iter()
+                    .filter(|m| turn(m).length() > 0.1)
+                    .count()
+                    == 3 =>
+            {
+                match self.sphere(faces, area) {
+                    Some(sphere) if free == 3 => return Some(Round::Sphere(sphere)),
+                    // A short band of a cone or a cylinder is nearly one of a sphere.
+                    _ => {
+                        let slides = values[1] < 0.1 * values[2];
+                        let longer = turn(&motions[0]).length() < turn(&motions[1]).length();
+                        motions[usize::from(slides && longer)]
+                    }
+                }
             }
             _ => return None,
         };
@@ -435,8 +454,14 @@ impl<'a> Surface<'a> {
         let span = along.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], x| {
             [l.min(x), h.max(x)]
         });
+        let distances = faces
+            .iter()
+            .flat_map(|f| self.corners[*f])
+            .map(|p| away(p).length());
+        let radii = distances.fold([f64::INFINITY, 0.0], |[l, h], x| [l.min(x), h.max(x)]);
         let patch = RoundPatch {
             area,
+            radii,
             radius: mean(&|f| away(middle(f)).length_squared()).sqrt(),
             convex: mean(&|f| away(middle(f)).normalize_or_zero().dot(self.normals[f])) > 0.0,
             span,
@@ -453,7 +478,7 @@ impl<'a> Surface<'a> {
         ))
     }
 
-    /// The sphere whose centre the normals of a patch pass by nearest.
+    /// The sphere whose centre the normals of a patch pass by nearest, if its corners lie on it.
     fn sphere(&self, faces: &[usize], area: f64) -> Option<SpherePatch> {
         let middle = |f: usize| self.corners[f].iter().sum::<DVec3>() / 3.0;
         let (mut across, mut moment) = (DMat3::ZERO, DVec3::ZERO);
@@ -472,9 +497,15 @@ impl<'a> Surface<'a> {
                 / area
         };
         let away = |f: usize| self.corners[f][0] - centre;
+        let radius = mean(&|f| away(f).length());
+        let off = |p: DVec3| (p.distance(centre) - radius).abs();
+        let corners = faces.iter().flat_map(|f| self.corners[*f]);
+        if corners.map(off).fold(0.0, f64::max) > ON_SPHERE * radius {
+            return None;
+        }
         Some(SpherePatch {
             centre,
-            radius: mean(&|f| away(f).length()),
+            radius,
             convex: mean(&|f| away(f).normalize_or_zero().dot(self.normals[f])) > 0.0,
             area,
             faces: faces.iter().map(|f| *f as u32).collect(),

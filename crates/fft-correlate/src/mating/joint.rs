@@ -1,5 +1,7 @@
 //! The joint that contact leaves: which motions are free, about which axis, how far.
 
+use std::f64::consts::{PI, TAU};
+
 use glam::DVec3;
 use sdf_grid::{Matrix6, Vector6};
 
@@ -12,13 +14,25 @@ const FREE: f64 = 5e-3;
 
 /// But a motion that is resisted in one sense only, as by a slender taper, is held by more than this.
 const ONE_SIDED: f64 = 1e-5;
-const OTHER_SENSE: f64 = 0.03;
+const OTHER_SENSE: f64 = 0.05;
+
+/// A displacement at a stop has at least this share of an eigenvector.
+const MOSTLY: f64 = 0.8;
+
+/// A part is guided if, this share of its length away from its stop, this share of what mates there
+/// still does.
+const GUIDED_LENGTH: f64 = 0.5;
+const GUIDED_SHARE: f64 = 0.8;
 
 /// A part turns about an axis without advancing if that is resisted by less than this share.
 const TURNS: f64 = 1e-4;
 
 /// Turns this small against displacements, or the other way round, are none.
 const NONE: f64 = 0.05;
+
+/// The pitch of a thread is that of so many turns by 15 degrees.
+const THREAD_STEP: f64 = PI / 12.0;
+const THREAD_STEPS: usize = 8;
 
 /// A joint turns about an axis of the fixed part that leans by at most 3 degrees from the one found,
 /// so many clearances beside it.
@@ -134,8 +148,24 @@ struct Motion {
 impl MatingContact {
     /// The joint that contact leaves at a pose.
     pub fn joint(&self, pose: &Pose) -> Joint {
-        let mut joint = self.classify(pose);
+        let (mut joint, one_sided) = self.classify(pose);
         self.snap(&mut joint);
+        if joint.kind == JointKind::Screw {
+            let pitches = [1.0, -1.0].map(|sense| self.pitch(pose, &joint, sense));
+            let best = pitches
+                .into_iter()
+                .flatten()
+                .max_by(|a, b| a.1.total_cmp(&b.1));
+            joint.pitch = best.map_or(joint.pitch, |b| b.0);
+        }
+        if joint.kind == JointKind::Fixed {
+            let guide = one_sided.iter().find_map(|d| self.guide(pose, *d));
+            if let Some(axis) = guide {
+                joint.kind = JointKind::Prismatic;
+                joint.axis = axis;
+                joint.free = vec![[axis.x, axis.y, axis.z, 0.0, 0.0, 0.0]];
+            }
+        }
         let centre = pose.apply(self.centre);
         let about_axis = |turn: DVec3, along: f64| Motion {
             shift: turn.cross(centre - joint.point) + along * joint.axis,
@@ -151,14 +181,14 @@ impl MatingContact {
         });
         let turns = match joint.kind {
             JointKind::Revolute | JointKind::Cylindrical | JointKind::Planar => Some(0.0),
-            JointKind::Screw => Some(joint.pitch / std::f64::consts::TAU),
+            JointKind::Screw => Some(joint.pitch / TAU),
             _ => None,
         };
         let turn = turns.map(|along| {
             let motion = about_axis(joint.axis, along);
             let (step, most) = match joint.kind {
                 JointKind::Screw => (0.2, f64::INFINITY),
-                _ => (0.05, std::f64::consts::PI),
+                _ => (0.05, PI),
             };
             self.travel(pose, motion, step, most)
         });
@@ -188,11 +218,76 @@ impl MatingContact {
         }
     }
 
+    /// The pitch of a thread, metres, from a turn in one sense: a nut against a shoulder, which it leaves
+    /// then, is held by more than its thread. And the least share that mates on the way.
+    fn pitch(&self, pose: &Pose, joint: &Joint, sense: f64) -> Option<(f64, f64)> {
+        let step = sense * THREAD_STEP;
+        let motion = Motion {
+            shift: joint.axis.cross(pose.apply(self.centre) - joint.point)
+                + joint.pitch / TAU * joint.axis,
+            turn: joint.axis,
+        };
+        let (mut there, mut first, mut least) = (*pose, None, f64::INFINITY);
+        for k in 0..=THREAD_STEPS {
+            there = self.middle(&self.follow(&there, motion, step));
+            least = least.min(self.hold(&there).share);
+            let first = *first.get_or_insert(there);
+            let turn = there.rotation * first.rotation.conjugate();
+            let angle = 2.0 * turn.xyz().dot(joint.axis).atan2(turn.w);
+            let angle = (angle + PI).rem_euclid(TAU) - PI;
+            let advance = (there.apply(self.centre) - first.apply(self.centre)).dot(joint.axis);
+            if k == THREAD_STEPS {
+                let expected = step * THREAD_STEPS as f64;
+                let turned = (angle - expected).abs() < 0.3 * expected.abs();
+                return turned.then(|| (TAU * advance / angle, least));
+            }
+        }
+        None
+    }
+
+    /// The direction in which a part at a stop leaves it, if it is guided on its way: if after half its
+    /// own length nearly as much of it mates as before. A pin that leaves its hole is not.
+    fn guide(&self, pose: &Pose, direction: DVec3) -> Option<DVec3> {
+        let along = self.corners.map(|c| (pose.rotation * c).dot(direction));
+        let [low, high] = along
+            .iter()
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], x| {
+                [l.min(*x), h.max(*x)]
+            });
+        let (half, step) = (GUIDED_LENGTH * (high - low), self.clearance());
+        let start = self.hold(pose).share;
+        // Away from the stop the part lies in the middle of its play.
+        let mut first = None;
+        let (mut there, mut direction, mut gone) = (*pose, direction, 0.0);
+        while gone < half {
+            let next = self.moved(&there, DVec3::ZERO, step * direction);
+            let next = self.approach_nearly_right(&next);
+            let moved = next.apply(self.centre) - there.apply(self.centre);
+            let turned = there.angle_to(&next) * self.radius;
+            let progress = moved.dot(direction);
+            if progress < 0.3 * step || turned > 0.3 * step {
+                return None;
+            }
+            (direction, there) = (moved.normalize(), next);
+            let first = first.get_or_insert(there.apply(self.centre));
+            if gone > 0.0 {
+                direction = (there.apply(self.centre) - *first).normalize();
+            }
+            gone += progress;
+            if self.hold(&there).share < GUIDED_SHARE * start {
+                return None;
+            }
+        }
+        Some(direction)
+    }
+
     /// The motions that contact leaves free at a pose; none if nothing mates.
     ///
     /// They are those of the Gramian about the middle of what mates, with its own radius as the unit of
     /// turns: a small joint of a large part is held as well as one of a small part.
-    fn free_motions(&self, pose: &Pose) -> Option<Vec<Motion>> {
+    ///
+    /// Second, directions of displacements that it resists in the opposite sense only.
+    fn free_motions(&self, pose: &Pose) -> Option<(Vec<Motion>, Vec<DVec3>)> {
         let [samples, _] = self.samples();
         let mut mating: Vec<(DVec3, DVec3, f64)> = Vec::new();
         self.visit_mating(samples, pose, self.clearance(), |s, p, n, _, _| {
@@ -220,11 +315,23 @@ impl MatingContact {
                 let along: f64 = row.iter().zip(motion).map(|(r, m)| r * m).sum();
                 senses[usize::from(along < 0.0)] += weight * along * along;
             }
-            senses[0].min(senses[1]) < OTHER_SENSE * (senses[0] + senses[1])
+            let least = OTHER_SENSE * (senses[0] + senses[1]);
+            // Samples resist what goes along their normals.
+            match senses {
+                [ahead, _] if ahead < least => Some(1.0),
+                [_, back] if back < least => Some(-1.0),
+                _ => None,
+            }
         };
+        let displacements = vectors.iter().filter_map(|v| {
+            let shift = DVec3::new(v[0], v[1], v[2]);
+            let sense = (shift.length() > MOSTLY).then(|| one_sided(v)).flatten()?;
+            Some(sense * shift.normalize())
+        });
+        let displacements: Vec<DVec3> = displacements.collect();
         let free = values.iter().zip(&vectors).filter(|(value, motion)| {
             let share = *value / values[5];
-            share < FREE && (share < ONE_SIDED || !one_sided(motion))
+            share < FREE && (share < ONE_SIDED || one_sided(motion).is_none())
         });
         let mut free: Vec<Vector6> = free.map(|(_, motion)| *motion).collect();
         // A screw that turns as freely without advancing is none.
@@ -250,19 +357,27 @@ impl MatingContact {
                 turn: turn / size,
             }
         };
-        Some(free.iter().map(at_centre).collect())
+        Some((free.iter().map(at_centre).collect(), displacements))
     }
 
-    /// Kind and axis.
-    fn classify(&self, pose: &Pose) -> Joint {
+    /// Kind and axis; and directions of displacements that contact resists in the opposite sense only.
+    fn classify(&self, pose: &Pose) -> (Joint, Vec<DVec3>) {
+        match self.free_motions(pose) {
+            Some((free, one_sided)) => (self.kind(pose, &free), one_sided),
+            None => {
+                let nothing = Joint {
+                    kind: JointKind::Undetermined(6),
+                    point: pose.apply(self.centre),
+                    ..Joint::default()
+                };
+                (nothing, Vec::new())
+            }
+        }
+    }
+
+    /// Kind and axis of a joint with these free motions.
+    fn kind(&self, pose: &Pose, motions: &[Motion]) -> Joint {
         let centre = pose.apply(self.centre);
-        let Some(motions) = self.free_motions(pose) else {
-            return Joint {
-                kind: JointKind::Undetermined(6),
-                point: centre,
-                ..Joint::default()
-            };
-        };
         let joint = |kind, axis: DVec3, point, pitch| Joint {
             kind,
             axis,
@@ -284,7 +399,7 @@ impl MatingContact {
             centre,
             0.0,
         );
-        let (turns, slides) = self.split(&motions);
+        let (turns, slides) = self.split(motions);
         match (turns.as_slice(), slides.as_slice()) {
             ([], []) => joint(JointKind::Fixed, DVec3::ZERO, centre, 0.0),
             ([], [slide]) => joint(JointKind::Prismatic, *slide, centre, 0.0),
@@ -386,7 +501,7 @@ impl MatingContact {
         let centre = pose.apply(self.centre);
         let (axis, point, pitch) = screw(&motion, centre);
         let turn = glam::DQuat::from_axis_angle(axis, angle * length);
-        let along = pitch / std::f64::consts::TAU * angle * length * axis;
+        let along = pitch / TAU * angle * length * axis;
         let rotation = (turn * pose.rotation).normalize();
         let centre = point + turn * (centre - point) + along;
         Pose::new(rotation, centre - rotation * self.centre)
@@ -398,7 +513,7 @@ impl MatingContact {
 fn screw(motion: &Motion, centre: DVec3) -> (DVec3, DVec3, f64) {
     let axis = motion.turn.normalize();
     let point = centre + motion.turn.cross(motion.shift) / motion.turn.length_squared();
-    let pitch = std::f64::consts::TAU * motion.shift.dot(axis) / motion.turn.length();
+    let pitch = TAU * motion.shift.dot(axis) / motion.turn.length();
     (axis, point, pitch)
 }
 

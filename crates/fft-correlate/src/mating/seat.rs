@@ -40,6 +40,12 @@ impl MatingContact {
         if far.1 > near.1 { far } else { near }
     }
 
+    /// The seat of a pose that is nearly right.
+    pub(super) fn approach_nearly_right(&self, pose: &Pose) -> Pose {
+        let [many, _] = self.samples();
+        self.approach(many, pose, &NEARLY_RIGHT)
+    }
+
     fn approach(&self, samples: &[SurfacePoint], start: &Pose, clearances: &[f64]) -> Pose {
         let mut pose = *start;
         for share in clearances {
@@ -60,19 +66,25 @@ impl MatingContact {
     /// The pose in the middle of the play around one, if that holds the part as well: faces on both
     /// sides within the clearance count, however close one of them is.
     pub(super) fn centred(&self, (start, hold): (Pose, f64)) -> (Pose, f64) {
+        let pose = self.middle(&start);
+        let there = self.hold(&pose).hold;
+        match there > hold - MIDDLE {
+            true => (pose, there),
+            false => (start, hold),
+        }
+    }
+
+    /// The pose in the middle of the play around one.
+    pub(super) fn middle(&self, start: &Pose) -> Pose {
         let [many, _] = self.samples();
-        let mut pose = start;
+        let mut pose = *start;
         for _ in 0..2 * STEPS {
             let Some((turn, shift)) = self.step(many, &pose, self.clearance(), EVEN) else {
                 break;
             };
             pose = self.moved(&pose, turn, shift);
         }
-        let there = self.hold(&pose).hold;
-        match there > hold - MIDDLE {
-            true => (pose, there),
-            false => (start, hold),
-        }
+        pose
     }
 
     /// Turn (radians) and displacement (metres) that close the gaps within a clearance; none if there
@@ -143,8 +155,7 @@ impl MatingContact {
             let tries = [1.0, -1.0].map(|sense| {
                 let length = sense * stride * self.resolution;
                 let there = self.moved(&pose, length * turn, length * shift);
-                let [many, _] = self.samples();
-                let there = self.approach(many, &there, &NEARLY_RIGHT);
+                let there = self.approach_nearly_right(&there);
                 (there, self.hold(&there).hold)
             });
             let [a, b] = tries;

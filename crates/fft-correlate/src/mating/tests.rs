@@ -130,10 +130,23 @@ fn simple_shapes_have_the_joints_that_they_look_like() {
 fn joints_of_machines_are_told_apart() {
     for name in [
         "mortise-blind",
+        "drawer-wood",
+        "box-lip-inside",
+        "d-shaft-in-lever",
+        // A small joint of a large part.
+        "hexagon-key-in-screw",
         "dovetail-open",
+        // Guided, at a stop.
+        "dovetail-stop",
+        "t-block-in-slot-stop",
+        "carriage-on-rail",
         "bearing-in-housing",
+        "key-woodruff",
+        "cone-plug",
+        "taper-1-to-20",
         "pin-plain-through",
         "nut-left-hand",
+        "cap-on-jar",
         "ball-in-cup",
     ] {
         let pair = named(name);

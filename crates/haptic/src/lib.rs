@@ -33,6 +33,7 @@ pub use log::error::RecordError;
 pub use log::replay::Replay;
 pub use path::body_force::{BodyForce, BodyState, BodyStep};
 pub use path::force_path::ForcePath;
+pub use path::joint_guide::GuidedJoint;
 pub use path::limiter::Limiter;
 pub use path::passivity::EnergyAccount;
 pub use path::sample::{Sample, flags};

@@ -396,6 +396,10 @@ pub(crate) struct FeelArgs {
     /// What the simulated operator does
     #[arg(long, value_enum, default_value_t = ScriptChoice::Snap)]
     pub(crate) script: ScriptChoice,
+    /// Keep the part on the motions that a joint leaves free: that of the first pose in a report of
+    /// `pegfit dock --report`
+    #[arg(long, value_name = "REPORT.json")]
+    pub(crate) joint: Option<PathBuf>,
     /// How long, seconds [default: 5, or as long as the log that is replayed]
     #[arg(long)]
     pub(crate) seconds: Option<f64>,
@@ -422,6 +426,10 @@ pub(crate) struct PlayArgs {
     // `--way` was its name.
     #[arg(long, alias = "way", value_name = "PATH.csv", requires = "scene")]
     pub(crate) path: Option<PathBuf>,
+    /// Keep the part on the motions that a joint leaves free: that of the first pose in a report of
+    /// `pegfit dock --report`
+    #[arg(long, value_name = "REPORT.json", requires = "scene")]
+    pub(crate) joint: Option<PathBuf>,
     /// Only print the page's address
     #[arg(long)]
     pub(crate) no_open: bool,

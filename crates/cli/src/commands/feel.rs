@@ -13,7 +13,7 @@ use crate::args::device_choice::DeviceChoice;
 use crate::args::{FeelArgs, ScriptChoice};
 use crate::commands::devices::Chosen;
 use crate::commands::plot::force_chart;
-use crate::commands::{devices, haptic_session, scenes};
+use crate::commands::{devices, haptic_session, joint, scenes};
 use crate::context::Context;
 use crate::error::{CommandError, refuse};
 use crate::report::output::require_folder;
@@ -113,26 +113,27 @@ fn run_session(
 ) -> Result<SessionResult, CommandError> {
     let (assembly, source) = (&pairs.assembly, pairs.live.source());
     let _held = Hold::begin();
-    let keep = haptic_session::Recording {
+    let options = haptic_session::LoopOptions {
         log: (args
             .log
             .as_deref()
             .map(|log| haptic_session::log(log, context)))
         .transpose()?,
         samples: args.png.is_some() || args.report.is_some(),
+        joints: joint::read(args.joint.as_deref())?,
     };
     let seconds = args.seconds.unwrap_or(SECONDS);
     Ok(
         match devices::choose(&args.device, &assembly.scene().device, context)? {
-            Chosen::Replay(recorded) => replay(recorded, args.seconds, pairs, keep, context)?,
+            Chosen::Replay(recorded) => replay(recorded, args.seconds, pairs, options, context)?,
             Chosen::Attached(mut device) => {
-                run_device(device.as_mut(), seconds, pairs, keep, context)?
+                run_device(device.as_mut(), seconds, pairs, options, context)?
             }
             Chosen::Simulated => {
                 let mut hand = haptic_session::simulated(assembly, source, script, seconds);
                 SessionResult {
                     title: SessionReport::title(Some(script), &hand.spec().name),
-                    ..run_device(&mut hand, seconds, pairs, keep, context)?
+                    ..run_device(&mut hand, seconds, pairs, options, context)?
                 }
             }
         },
@@ -144,7 +145,7 @@ fn run_device(
     device: &mut dyn Device,
     seconds: f64,
     pairs: &LivePairs,
-    keep: haptic_session::Recording,
+    options: haptic_session::LoopOptions,
     context: &Context,
 ) -> Result<SessionResult, CommandError> {
     let (assembly, source) = (&pairs.assembly, pairs.live.source());
@@ -153,7 +154,7 @@ fn run_device(
         device.spec().name,
         assembly.scene().moving.name,
     ));
-    let outcome = haptic_session::run(assembly, source, device, seconds, Clock::Real, keep)?;
+    let outcome = haptic_session::run(assembly, source, device, seconds, Clock::Real, options)?;
     if let Some(fault) = device.last_fault() {
         context
             .progress
@@ -172,7 +173,7 @@ fn replay(
     mut recorded: Replay,
     seconds: Option<f64>,
     pairs: &LivePairs,
-    keep: haptic_session::Recording,
+    options: haptic_session::LoopOptions,
     context: &Context,
 ) -> Result<SessionResult, CommandError> {
     let (assembly, source) = (&pairs.assembly, pairs.live.source());
@@ -183,11 +184,11 @@ fn replay(
         assembly.scene().moving.name,
         recorded.duration().min(seconds),
     ));
-    let keep = haptic_session::Recording {
+    let options = haptic_session::LoopOptions {
         samples: true,
-        ..keep
+        ..options
     };
-    let outcome = haptic_session::replay(assembly, source, &mut recorded, seconds, keep)?;
+    let outcome = haptic_session::replay(assembly, source, &mut recorded, seconds, options)?;
     Ok(SessionResult {
         title: SessionReport::title(None, &recorded.spec().name),
         spec: recorded.spec().clone(),

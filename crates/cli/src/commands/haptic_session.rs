@@ -5,8 +5,8 @@ use std::path::Path;
 use fft_correlate::EnergySource;
 use haptic::log::SampleWriter;
 use haptic::{
-    Clock, Device, HapticError, OperatorConfig, Outcome, RecordError, Replay, Script, Session,
-    SimulatedOperator,
+    Clock, Device, GuidedJoint, HapticError, OperatorConfig, Outcome, RecordError, Replay, Script,
+    Session, SimulatedOperator,
 };
 use pegfit_scene::Assembly;
 
@@ -25,11 +25,12 @@ pub(super) fn run_simulated(
     clock: Clock,
 ) -> Result<Outcome, CommandError> {
     let mut hand = simulated(assembly, source, script, seconds);
-    let keep = Recording {
+    let options = LoopOptions {
         log: None,
         samples: true,
+        joints: Vec::new(),
     };
-    run(assembly, source, &mut hand, seconds, clock, keep)
+    run(assembly, source, &mut hand, seconds, clock, options)
 }
 
 /// The simulated hand at the start of `script`.
@@ -47,12 +48,14 @@ pub(super) fn simulated(
     SimulatedOperator::new(hand, script, geometry, assembly.workspace())
 }
 
-/// What is kept of every tick.
-pub(super) struct Recording {
-    /// In a file.
+/// What a run keeps and follows.
+pub(super) struct LoopOptions {
+    /// Every tick goes to a file.
     pub(super) log: Option<Box<dyn SampleWriter>>,
-    /// In the outcome.
+    /// Every tick is in the outcome.
     pub(super) samples: bool,
+    /// A joint that the part follows, in all places that are alike.
+    pub(super) joints: Vec<GuidedJoint>,
 }
 
 /// Runs the loop for `seconds` on `clock`.
@@ -62,9 +65,9 @@ pub(super) fn run(
     device: &mut dyn Device,
     seconds: f64,
     clock: Clock,
-    keep: Recording,
+    options: LoopOptions,
 ) -> Result<Outcome, CommandError> {
-    session(assembly, keep)
+    session(assembly, options)
         .run(device, source, clock, seconds, cancel_flag())
         .map_err(|e| loop_error(assembly, e))
 }
@@ -75,20 +78,21 @@ pub(super) fn replay(
     source: &dyn EnergySource,
     recorded: &mut Replay,
     seconds: f64,
-    keep: Recording,
+    options: LoopOptions,
 ) -> Result<Outcome, CommandError> {
-    session(assembly, keep)
+    session(assembly, options)
         .replay(recorded, source, seconds, cancel_flag())
         .map_err(|e| loop_error(assembly, e))
 }
 
-fn session(assembly: &Assembly, keep: Recording) -> Session {
+fn session(assembly: &Assembly, options: LoopOptions) -> Session {
     let session = Session::new(assembly.scene().device.clone(), assembly.workspace());
-    let session = match keep.log {
+    let session = session.guided(options.joints);
+    let session = match options.log {
         Some(log) => session.record_with(log),
         None => session,
     };
-    match keep.samples {
+    match options.samples {
         true => session.keep_samples(),
         false => session,
     }

@@ -18,6 +18,7 @@ mod feel;
 mod field;
 
 mod haptic_session;
+mod joint;
 mod manual;
 mod path;
 mod play;

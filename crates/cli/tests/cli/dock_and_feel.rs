@@ -183,3 +183,27 @@ fn bad_device_settings_are_refused() {
         assert!(said.contains("--seconds"), "{said}");
     }
 }
+
+/// The energy of the joint that docking found is part of what the hand feels.
+#[test]
+fn the_hand_follows_a_joint() {
+    let folder = scene_folder("");
+    succeed(
+        folder.path(),
+        &words("dock scene.toml --report fit.json --top 1 -q"),
+    );
+    let lowest = |more: &str| {
+        let all = format!("feel scene.toml --seconds 2 --log log.csv -q {more}");
+        succeed(folder.path(), &words(all.trim_end()));
+        let rows = columns(&std::fs::read_to_string(folder.path().join("log.csv")).unwrap());
+        rows.iter().map(|row| row["energy"]).fold(0.0, f64::min)
+    };
+    let (free, held) = (lowest(""), lowest("--joint fit.json"));
+    assert!(held < free - 0.01, "{held} J, {free} J");
+    std::fs::write(folder.path().join("none.json"), "{\"poses\": []}").unwrap();
+    let said = refuse(folder.path(), &words("feel scene.toml --joint none.json"));
+    assert!(
+        said.contains("none.json") && said.contains("one or more"),
+        "{said}"
+    );
+}

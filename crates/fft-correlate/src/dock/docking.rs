@@ -2,7 +2,6 @@
 //! pose.
 
 use std::borrow::Cow;
-use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -20,7 +19,7 @@ use crate::dock::error::DockingError;
 use crate::dock::grid_levels::{GridLevels, domain_rotations};
 use crate::dock::local_refinement::{FoundPose, SearchResult, SearchStage};
 use crate::dock::options::{
-    SearchDomain, SearchOptions, SearchPairs, docking_weights, with_docking_weights,
+    DockingPlan, SearchDomain, SearchOptions, SearchPairs, docking_weights, with_docking_weights,
 };
 use crate::dock::search::{needs_screening, rerank, search};
 use crate::geometry::se3::Pose;
@@ -769,48 +768,6 @@ impl DockingPose {
             model_energy: energies.model,
             condition: None,
         }
-    }
-}
-
-/// The lattices, rotations, memory and time of a docking run, known before any field is computed.
-#[derive(Debug, Clone, PartialEq)]
-pub struct DockingPlan {
-    /// The pairs of a search: screening (unused for few rotations), coarse, fine.
-    pub pairs: [PairPlan; 3],
-    /// The pair under the setup's own halo, on the fine lattice, whose energies are reported; absent
-    /// where the halo of the search is the setup's.
-    pub own: Option<PairPlan>,
-    /// Rotations of the domain.
-    pub rotations: usize,
-    /// The scores on the coarse lattice: sizes, memory and time, those of the computed pair at most.
-    pub scores: CorrelatorPlan,
-}
-
-impl DockingPlan {
-    /// Bytes that scoring with this many threads takes at most.
-    pub fn scoring_bytes(&self, threads: usize) -> u64 {
-        self.scores.bytes(threads)
-    }
-
-    /// Bytes of the fields that are held at once.
-    pub fn field_bytes(&self) -> u64 {
-        self.pairs
-            .iter()
-            .chain(&self.own)
-            .map(|pair| pair.bytes)
-            .sum()
-    }
-}
-
-impl fmt::Display for DockingPlan {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (name, pair) in ["sketch", "coarse", "fine"].iter().zip(&self.pairs) {
-            write!(f, "{name}: {pair}; ")?;
-        }
-        if let Some(own) = &self.own {
-            write!(f, "own halo: {own}; ")?;
-        }
-        write!(f, "at most {} rotations x {}", self.rotations, self.scores)
     }
 }
 

@@ -1,13 +1,17 @@
 //! The options, weights, domain and pairs of a search, and the recipe of all that its result depends
 //! on.
 
+use std::fmt;
+
 use glam::{DQuat, DVec3};
 use sdf_grid::{Aabb, LatticeError};
 use serde::{Deserialize, Serialize};
 
+use crate::correlate::CorrelatorPlan;
 use crate::dock::error::DockingError;
 use crate::geometry::se3::Pose;
 use crate::geometry::translation::TranslationWindow;
+use crate::pair::builder::PairPlan;
 use crate::pair::fields::{Pair, PairError};
 use crate::pair::model::{PairRecipe, ScoreModel};
 
@@ -220,5 +224,47 @@ impl SearchRecipe {
             chosen: RotationList::of(chosen),
             symmetries: domain.symmetries.iter().map(numbers).collect(),
         }
+    }
+}
+
+/// The lattices, rotations, memory and time of a docking run, known before any field is computed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DockingPlan {
+    /// The pairs of a search: screening (unused for few rotations), coarse, fine.
+    pub pairs: [PairPlan; 3],
+    /// The pair under the setup's own halo, on the fine lattice, whose energies are reported; absent
+    /// where the halo of the search is the setup's.
+    pub own: Option<PairPlan>,
+    /// Rotations of the domain.
+    pub rotations: usize,
+    /// The scores on the coarse lattice: sizes, memory and time, those of the computed pair at most.
+    pub scores: CorrelatorPlan,
+}
+
+impl DockingPlan {
+    /// Bytes that scoring with this many threads takes at most.
+    pub fn scoring_bytes(&self, threads: usize) -> u64 {
+        self.scores.bytes(threads)
+    }
+
+    /// Bytes of the fields that are held at once.
+    pub fn field_bytes(&self) -> u64 {
+        self.pairs
+            .iter()
+            .chain(&self.own)
+            .map(|pair| pair.bytes)
+            .sum()
+    }
+}
+
+impl fmt::Display for DockingPlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (name, pair) in ["sketch", "coarse", "fine"].iter().zip(&self.pairs) {
+            write!(f, "{name}: {pair}; ")?;
+        }
+        if let Some(own) = &self.own {
+            write!(f, "own halo: {own}; ")?;
+        }
+        write!(f, "at most {} rotations x {}", self.rotations, self.scores)
     }
 }

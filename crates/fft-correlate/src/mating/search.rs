@@ -204,6 +204,12 @@ impl<'a> MatingSearch<'a> {
             Candidate { pose, value }
         };
         let mut homes: Vec<Candidate> = seated.par_iter().map(slide).collect();
+        // As the parts lie, if that is a fit.
+        let present = self.options.present.map(|present| {
+            let (pose, value) = self.contact.centred(self.contact.seat(&present));
+            Candidate { pose, value }
+        });
+        homes.extend(present.filter(|c| c.value > 0.0));
         homes.retain(|c| self.allows(&c.pose));
         let homes = self.distinct(homes, near, SLIDING);
         self.ranked(&homes, monitor)
@@ -354,19 +360,22 @@ impl<'a> MatingSearch<'a> {
         groups.truncate(self.options.top);
         let hypotheses = self.hypotheses();
         let report = |(_, members): &(usize, Vec<usize>)| {
-            let mut members = members.clone();
+            let mut members: Vec<(usize, Pose)> = (members.iter())
+                .map(|i| (*i, self.as_present(&measured[*i].pose)))
+                .collect();
             if let Some(present) = self.options.present {
-                let away = |i: &usize| self.contact.distance(&measured[*i].pose, &present);
+                let away = |m: &(usize, Pose)| self.contact.distance(&m.1, &present);
                 members.sort_by(|a, b| away(a).total_cmp(&away(b)));
             }
-            let first = &measured[members[0]];
+            let (first, pose) = members[0];
             let found = HeldPose {
+                pose,
                 joint: match monitor.cancelled() {
                     true => Joint::default(),
-                    false => self.contact.joint(&first.pose),
+                    false => self.contact.joint(&pose),
                 },
-                alike: members[1..].iter().map(|i| measured[*i].pose).collect(),
-                ..first.clone()
+                alike: members[1..].iter().map(|m| m.1).collect(),
+                ..measured[first].clone()
             };
             match monitor.cancelled() {
                 true => found,
@@ -374,6 +383,18 @@ impl<'a> MatingSearch<'a> {
             }
         };
         groups.par_iter().map(report).collect()
+    }
+
+    /// Of the poses that the moving part's symmetry makes equal, the nearest to the present one.
+    fn as_present(&self, pose: &Pose) -> Pose {
+        let Some(present) = self.options.present else {
+            return *pose;
+        };
+        let equal = self.options.symmetries.iter().map(|s| *pose * *s);
+        let away = |p: &Pose| self.contact.distance(p, &present);
+        (equal.chain([*pose]))
+            .min_by(|a, b| away(a).total_cmp(&away(b)))
+            .unwrap_or(*pose)
     }
 
     /// Hold, overlap and joint at given poses, in their order.

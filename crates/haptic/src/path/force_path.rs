@@ -8,6 +8,7 @@ use crate::device::contract::{DeviceSpec, DeviceState};
 use crate::device::workspace::Workspace;
 use crate::path::coupling::{Coupling, Gains, SpringLimits};
 use crate::path::gate::Gate;
+use crate::path::joint_guide::{GuidedJoint, JointGuide, guides};
 use crate::path::limiter::Limiter;
 use crate::path::passivity::{EnergyAccount, Passivity};
 use crate::path::sample::{Sample, flags};
@@ -28,6 +29,7 @@ pub struct ForcePath {
     coupling: Coupling,
     passivity: Passivity,
     limiter: Limiter,
+    guides: Vec<JointGuide>,
     scratch: Scratch,
     held: Wrench,
     ticks: u64,
@@ -67,10 +69,22 @@ impl ForcePath {
             ),
             passivity: Passivity::new(&config.passivity, share, workspace.scale),
             limiter,
+            guides: Vec::new(),
             scratch,
             held: Wrench::ZERO,
             ticks: 0,
         })
+    }
+
+    /// Keeps the part on the free motions of a joint, in whichever of some places that are alike it is,
+    /// by springs as stiff as the coupling's whose force stays within the limit; beyond, they give way.
+    #[must_use]
+    pub fn guided(mut self, joints: &[GuidedJoint]) -> Self {
+        let scale = self.workspace.scale;
+        let stiffness = self.gains.stiffness / (scale * scale);
+        let force = self.limiter.max_force() / scale;
+        self.guides = guides(joints, [stiffness, self.gains.rotational_stiffness, force]);
+        self
     }
 
     /// Stiffness and damping in use, after the device's bounds.
@@ -175,9 +189,15 @@ impl ForcePath {
     ) -> Wrench {
         let grip = self.workspace.grip_pose(device);
         self.take_changes(source, &grip, sample);
-        let (workspace, scratch) = (&self.workspace, &mut self.scratch);
+        let (workspace, scratch, guides) = (&self.workspace, &mut self.scratch, &self.guides);
         let out = self.coupling.step(&grip, dt, |at| {
-            let answer = source.evaluate(&workspace.part_pose(at), scratch);
+            let part = workspace.part_pose(at);
+            let mut answer = source.evaluate(&part, scratch);
+            for guide in guides {
+                let (energy, wrench) = guide.respond(&part);
+                answer.energy += energy;
+                answer.wrench += wrench;
+            }
             Response {
                 wrench: workspace.grip_wrench(at, &answer.wrench),
                 ..answer
@@ -204,5 +224,81 @@ impl ForcePath {
         sample.coverage = out.response.coverage;
         sample.evaluations = out.evaluations;
         self.workspace.device_wrench(&(out.wrench + damped))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fft_correlate::mating::JointKind;
+    use glam::{DQuat, DVec3};
+
+    use super::*;
+    use crate::device::simulated::OperatorConfig;
+
+    struct Nothing;
+
+    impl EnergySource for Nothing {
+        fn scratch(&self) -> Scratch {
+            Scratch::default()
+        }
+
+        fn evaluate(&self, _: &Pose, _: &mut Scratch) -> Response {
+            Response {
+                coverage: 1.0,
+                ..Response::default()
+            }
+        }
+    }
+
+    /// A hand that pulls a slider along its guide moves it; one that pulls it aside, or turns it,
+    /// hardly does and feels it.
+    #[test]
+    fn a_guided_part_follows_its_joint() {
+        let spec = OperatorConfig::default().spec();
+        let config = HapticConfig {
+            ramp_s: 0.0,
+            ..HapticConfig::default()
+        };
+        let joint = GuidedJoint {
+            kind: JointKind::Prismatic,
+            axis: DVec3::Z,
+            point: DVec3::ZERO,
+            pitch: 0.0,
+            pose: Pose::IDENTITY,
+        };
+        // The object and the force after some time with the hand there.
+        let held = |at: Pose, joints: &[GuidedJoint]| {
+            let path = ForcePath::new(
+                &spec,
+                &config,
+                Workspace::new(1.0, Pose::IDENTITY, DVec3::ZERO),
+                Nothing.scratch(),
+            );
+            let mut path = path.unwrap().guided(joints);
+            let mut last = Sample::default();
+            for tick in 0..2000 {
+                let now = f64::from(tick) * 1e-3;
+                let share = (now / 0.5).min(1.0);
+                let rotation = DQuat::IDENTITY.slerp(at.rotation, share);
+                let there = Pose::new(rotation, share * at.translation);
+                let input = DeviceState::at_rest(there, now);
+                last = path.step(&Nothing, Some(&input), now, 1e-3);
+            }
+            (last.object, last.wrench)
+        };
+        let along = Pose::from_translation(0.02 * DVec3::Z);
+        let (object, wrench) = held(along, &[joint]);
+        assert!((object.translation.z - 0.02).abs() < 1e-5 && wrench.force.length() < 0.01);
+        let turn = DQuat::from_rotation_z(0.1);
+        let aside = Pose::new(turn, DVec3::new(0.002, 0.0, 0.01));
+        let (object, wrench) = held(aside, &[joint]);
+        assert!(object.translation.x < 0.0004, "{object:?}");
+        assert!(object.angle_to(&Pose::IDENTITY) < 0.02, "{object:?}");
+        assert!(
+            wrench.force.x < -1.0 && wrench.torque.z < -0.03,
+            "{wrench:?}"
+        );
+        let (object, _) = held(aside, &[]);
+        assert!((object.translation.x - 0.002).abs() < 1e-9, "{object:?}");
     }
 }

@@ -5,6 +5,7 @@ pub(crate) mod bundle;
 pub(crate) mod coupling;
 pub(crate) mod force_path;
 pub(crate) mod gate;
+pub(crate) mod joint_guide;
 pub(crate) mod limiter;
 pub(crate) mod metric;
 pub(crate) mod passivity;

@@ -16,6 +16,7 @@ use crate::log::record::{Recorder, SampleWriter, Writer};
 use crate::log::replay::Replay;
 use crate::panics::panic_message;
 use crate::path::force_path::ForcePath;
+use crate::path::joint_guide::GuidedJoint;
 use crate::path::sample::{Sample, flags};
 use crate::run::pace::{Clock, DueTick, Pace, TickSource};
 use crate::run::realtime;
@@ -80,6 +81,7 @@ pub struct Session {
     workspace: Workspace,
     log: Option<Log>,
     keep: bool,
+    joints: Vec<GuidedJoint>,
     viewer: Option<triple_buffer::Input<View>>,
 }
 
@@ -91,6 +93,7 @@ impl Session {
             workspace,
             log: None,
             keep: false,
+            joints: Vec::new(),
             viewer: None,
         }
     }
@@ -115,6 +118,14 @@ impl Session {
     #[must_use]
     pub fn keep_samples(mut self) -> Self {
         self.keep = true;
+        self
+    }
+
+    /// Keeps the part on the free motions of a joint, in places that are alike
+    /// ([`ForcePath::guided`]).
+    #[must_use]
+    pub fn guided(mut self, joints: Vec<GuidedJoint>) -> Self {
+        self.joints = joints;
         self
     }
 
@@ -174,7 +185,8 @@ impl Session {
             &self.config,
             self.workspace,
             source.scratch(),
-        )?;
+        )?
+        .guided(&self.joints);
         let file = self.log.map(Log::open).transpose()?;
         let (wanted, patient) = (file.is_some() || self.keep, clock == Clock::Simulated);
         let started = wanted.then(|| record::start(file, device.spec(), self.keep, patient));

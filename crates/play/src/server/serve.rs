@@ -137,6 +137,7 @@ impl Server {
         let mut haptic_session = Session::new(session.config.clone(), workspace);
         let viewer = haptic_session.viewer();
         let haptic_session = haptic_session.record_with(Box::new(recorder.clone()));
+        let haptic_session = haptic_session.guided(session.joints.clone());
         self.broadcaster
             .begin_session(session.start, |number| LiveSession {
                 number,

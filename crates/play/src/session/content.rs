@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use fft_correlate::{EnergySource, Pose};
-use haptic::{Geometry, HapticConfig, TimedPath, Workspace};
+use haptic::{Geometry, GuidedJoint, HapticConfig, TimedPath, Workspace};
 use serde_json::Value;
 
 /// What a page may request of a session besides frames; called by the serving threads while the
@@ -55,6 +55,8 @@ pub struct PlaySession<'a> {
     pub start: Pose,
     /// The insertion path that the hand can follow, if one is known.
     pub path: Option<TimedPath>,
+    /// A joint whose free motions the part follows, in all places that are alike.
+    pub joints: Vec<GuidedJoint>,
     /// What a page may ask.
     pub content: Arc<dyn Content>,
 }

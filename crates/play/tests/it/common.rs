@@ -130,6 +130,7 @@ fn session(start: f64) -> PlaySession<'static> {
         config,
         workspace,
         // Only the first pair has one: down, through the wall.
+        joints: Vec::new(),
         path: (start < 0.035)
             .then(|| TimedPath::new(&[over(0.02), over(0.01), over(-0.02)], &workspace).unwrap()),
         geometry: Geometry {

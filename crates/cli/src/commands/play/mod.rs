@@ -8,7 +8,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fft_correlate::Pose;
-use haptic::{LoopReport, TimedPath};
+use haptic::{GuidedJoint, LoopReport, TimedPath};
 use pegfit_play::{Content, Options, PlaySession, Server};
 use pegfit_scene::poses::PoseReader;
 use pegfit_scene::{LivePairs, Scene};
@@ -19,7 +19,7 @@ use serde_json::json;
 use crate::args::PlayArgs;
 use crate::commands::play::browser::Signpost;
 use crate::commands::play::content::SceneContent;
-use crate::commands::{demo, scenes};
+use crate::commands::{demo, joint, scenes};
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::terminal::progress::{Hold, Progress, cancel_flag, check_interrupt, interrupted};
@@ -41,6 +41,7 @@ pub(in crate::commands) fn run(args: &PlayArgs, context: &Context) -> Result<(),
             .collect::<Result<_, CommandError>>()?,
     };
     let poses = args.path.as_deref().map(read_path).transpose()?;
+    let joints = joint::read(args.joint.as_deref())?;
     let options = Options {
         bind: args.bind,
         port: args.port,
@@ -52,7 +53,8 @@ pub(in crate::commands) fn run(args: &PlayArgs, context: &Context) -> Result<(),
     let _signpost = announce(&server, args, context);
     loop {
         let (_, scene) = &pairs[server.wanted()];
-        let report = play(&server, scene, args, poses.as_deref(), context)?;
+        let known = (poses.as_deref(), joints.as_slice());
+        let report = play(&server, scene, args, known, context)?;
         print_report(&report, context);
         if interrupted() {
             return Ok(());
@@ -93,7 +95,7 @@ fn play(
     server: &Server,
     scene: &Scene,
     args: &PlayArgs,
-    poses: Option<&[Pose]>,
+    (poses, joints): (Option<&[Pose]>, &[GuidedJoint]),
     context: &Context,
 ) -> Result<LoopReport, CommandError> {
     let first = scene.clone().only(Some(&scene.fixed.name))?;
@@ -113,6 +115,7 @@ fn play(
         workspace,
         start: content::start_pose(&geometry, workspace.grip),
         geometry,
+        joints: joints.to_vec(),
         path: poses.and_then(|poses| TimedPath::new(poses, &workspace)),
         content: Arc::clone(&content) as Arc<dyn Content>,
     };

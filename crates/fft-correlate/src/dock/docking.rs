@@ -60,13 +60,14 @@ pub struct DockingRequest {
     pub state: Option<PathBuf>,
     /// What ranks the poses.
     pub ranking: Ranking,
-    /// Ranked by contact, only poses near this one, fixed part's frame: the moving part's middle at most so far away
-    /// (metres), turned by at most an angle (radians).
+    /// By contact: only poses near this one, fixed part's frame: the moving part's middle at most so
+    /// far away (metres), turned by at most an angle (radians).
     pub near: Option<(Pose, f64, f64)>,
-    /// Ranked by contact, a known axis of the moving part's turns: a point, metres, and a direction, fixed part's frame.
+    /// By contact: a known axis of the moving part's turns: a point, metres, and a direction, fixed
+    /// part's frame.
     pub axis: Option<(DVec3, DVec3)>,
-    /// Ranked by contact, parts that are there already, in the fixed part's frame: the moving part touches them, but
-    /// does not overlap them.
+    /// By contact: parts that are there already, in the fixed part's frame: the moving part touches
+    /// them, but does not overlap them.
     pub others: Vec<Arc<TriangleMesh>>,
 }
 

@@ -108,8 +108,8 @@ pub enum DockingError {
     },
     /// No face of one part meets a face of the other anywhere that was asked for.
     #[error(
-        "no pose in which faces of the two parts meet: widen the window, the rotations or what is \
-         near, or rank by energy"
+        "no pose in which faces of the two parts meet: widen the window or the rotations, or leave \
+         out what is known (near, axis, keep apart)"
     )]
     NothingMates,
     /// The monitor asked to stop before any rotation was scored.

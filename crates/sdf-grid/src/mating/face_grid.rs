@@ -214,7 +214,7 @@ impl FaceGrid {
 
     /// The nearest face that the line through `p` along `direction` (unit length) meets, at most
     /// `behind` it or `ahead` of it (metres, at most the grid's reach), and whose normal has at least
-    /// `cosine` in common with the line's opposite. Allocates nothing.
+    /// `cosine` in common with the line's opposite. What it learns of distances stays in the grid.
     pub fn opposite_face(
         &self,
         p: DVec3,

@@ -74,51 +74,56 @@ impl<'a> Enclosure<'a> {
         let mut cells = vec![0; CELLS * CELLS * CELLS];
         let wide = CELLS as f64;
         for triangle in mesh.faces() {
-            let [a, b, c] = triangle.map(|p| (p - corner) / self.cell);
-            let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-            if high.min_element() < 0.0 || low.max_element() > wide {
-                continue;
-            }
-            // Rows of points between two sides; only what may lie in the cube of long ones.
-            let rows = ((b - a).length().max((c - a).length()) / SPACING)
-                .ceil()
-                .max(1.0);
-            for i in 0..=rows as usize {
-                let t = i as f64 / rows;
-                let (p, q) = (a.lerp(b, t), a.lerp(c, t));
-                let points = (p.distance(q) / SPACING).ceil().max(1.0);
-                let Some([from, to]) = within(p, q, wide) else {
-                    continue;
-                };
-                let range = (from * points).floor() as usize..=(to * points).ceil() as usize;
-                for j in range {
-                    let at = p.lerp(q, j as f64 / points).floor();
-                    if at.min_element() >= 0.0 && at.max_element() < wide {
-                        cells[index(at.x as usize, at.y as usize, at.z as usize)] = SURFACE;
-                    }
-                }
+            let corners = triangle.map(|p| (p - corner) / self.cell);
+            // What lies in the cube, as triangles around its first corner.
+            let inside = clipped(corners, wide);
+            let fan = inside.windows(2).skip(1);
+            for (b, c) in fan.map(|pair| (pair[0], pair[1])) {
+                mark([inside[0], b, c], &mut cells);
             }
         }
         cells
     }
 }
 
-/// Which part of the line from `p` to `q` lies in the cube from 0 to `wide`.
-fn within(p: DVec3, q: DVec3, wide: f64) -> Option<[f64; 2]> {
-    let (mut from, mut to) = (0.0f64, 1.0f64);
-    for k in 0..3 {
-        let (start, step) = (p[k], q[k] - p[k]);
-        if step == 0.0 {
-            if !(0.0..=wide).contains(&start) {
-                return None;
-            }
-            continue;
+/// Marks the cells in which points of a triangle lie, whose distance is at most the spacing.
+fn mark([a, b, c]: [DVec3; 3], cells: &mut [u8]) {
+    let most = DVec3::splat((CELLS - 1) as f64);
+    let steps = |length: f64| (length / SPACING).ceil().max(1.0);
+    let rows = steps((b - a).length().max((c - a).length()));
+    for i in 0..=rows as usize {
+        let t = i as f64 / rows;
+        let (p, q) = (a.lerp(b, t), a.lerp(c, t));
+        let points = steps(p.distance(q));
+        for j in 0..=points as usize {
+            let at = p.lerp(q, j as f64 / points).floor();
+            let at = at.clamp(DVec3::ZERO, most);
+            cells[index(at.x as usize, at.y as usize, at.z as usize)] = SURFACE;
         }
-        let (a, b) = (-start / step, (wide - start) / step);
-        from = from.max(a.min(b));
-        to = to.min(a.max(b));
     }
-    (from <= to).then_some([from, to])
+}
+
+/// The corners of what a triangle has in the cube from 0 to `wide`, in order; none if nothing.
+fn clipped(triangle: [DVec3; 3], wide: f64) -> Vec<DVec3> {
+    let mut polygon = triangle.to_vec();
+    for axis in 0..3 {
+        for (sense, bound) in [(1.0, 0.0), (-1.0, -wide)] {
+            let height = |p: &DVec3| sense * p[axis] - bound;
+            let mut kept = Vec::with_capacity(polygon.len() + 1);
+            for (k, p) in polygon.iter().enumerate() {
+                let next = &polygon[(k + 1) % polygon.len()];
+                let (here, there) = (height(p), height(next));
+                if here >= 0.0 {
+                    kept.push(*p);
+                }
+                if (here < 0.0) != (there < 0.0) {
+                    kept.push(p.lerp(*next, here / (here - there)));
+                }
+            }
+            polygon = kept;
+        }
+    }
+    polygon
 }
 
 fn index(x: usize, y: usize, z: usize) -> usize {
@@ -183,6 +188,33 @@ mod tests {
             wall([1.0, 20.0, 10.0], [-14.5, 0.0, 5.0]),
         ];
         TriangleMesh::joined(&walls)
+    }
+
+    /// A face far larger than the cube costs no more than what it has in there.
+    #[test]
+    fn faces_are_cut_to_the_cube() {
+        let far = 1e12;
+        let face = [
+            DVec3::new(-far, -far, 36.5),
+            DVec3::new(far, -far, 36.5),
+            DVec3::new(0.0, far, 36.5),
+        ];
+        let inside = clipped(face, CELLS as f64);
+        let area = (inside.windows(2).skip(1))
+            .map(|w| 0.5 * (w[0] - inside[0]).cross(w[1] - inside[0]).length())
+            .sum::<f64>();
+        assert!((area - (CELLS * CELLS) as f64).abs() < 1.0, "{area}");
+        let mut cells = vec![0; CELLS * CELLS * CELLS];
+        for w in inside.windows(2).skip(1) {
+            mark([inside[0], w[0], w[1]], &mut cells);
+        }
+        let marked = |x, y, z| cells[index(x, y, z)] == SURFACE;
+        for x in 0..CELLS {
+            for y in 0..CELLS {
+                assert!(marked(x, y, 36) && !marked(x, y, 35), "{x} {y}");
+            }
+        }
+        assert!(clipped(face.map(|p| p + 100.0 * DVec3::Z), CELLS as f64).is_empty());
     }
 
     #[test]

@@ -52,18 +52,9 @@ pub(super) fn read(path: Option<&Path>) -> Result<Vec<GuidedJoint>, CommandError
         point,
         pitch,
     } = &first.joint;
-    let found = match kind.as_str() {
-        "fixed" => JointKind::Fixed,
-        "prismatic" => JointKind::Prismatic,
-        "revolute" => JointKind::Revolute,
-        "cylindrical" => JointKind::Cylindrical,
-        "screw" => JointKind::Screw,
-        "planar" => JointKind::Planar,
-        "ball" => JointKind::Ball,
-        other => {
-            let expected = "a joint that contact determines";
-            return Err(CommandError::input(name, "joint", expected, other));
-        }
+    let Some(found) = JointKind::determined(kind) else {
+        let expected = "a joint that contact determines";
+        return Err(CommandError::input(name, "joint", expected, kind));
     };
     let refused =
         |item, expected, found: String| Err(CommandError::input(&*name, item, expected, found));

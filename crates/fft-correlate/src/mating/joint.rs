@@ -75,6 +75,22 @@ pub enum JointKind {
 }
 
 impl JointKind {
+    /// All kinds that determine the pose up to their motions.
+    pub const DETERMINED: [Self; 7] = [
+        Self::Fixed,
+        Self::Prismatic,
+        Self::Revolute,
+        Self::Cylindrical,
+        Self::Screw,
+        Self::Planar,
+        Self::Ball,
+    ];
+
+    /// The kind of this name, if it determines the pose up to its motions.
+    pub fn determined(name: &str) -> Option<Self> {
+        (Self::DETERMINED.into_iter()).find(|kind| kind.name() == name)
+    }
+
     /// Its name in files.
     pub fn name(self) -> &'static str {
         match self {

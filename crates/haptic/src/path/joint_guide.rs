@@ -158,16 +158,6 @@ mod tests {
         JointGuide::new(joint, [1000.0, 1.0, 5.0])
     }
 
-    const KINDS: [JointKind; 7] = [
-        JointKind::Fixed,
-        JointKind::Prismatic,
-        JointKind::Revolute,
-        JointKind::Cylindrical,
-        JointKind::Screw,
-        JointKind::Planar,
-        JointKind::Ball,
-    ];
-
     /// A pose of the joint after a motion of it: an angle about the axis, a displacement along it.
     fn after(guide: &JointGuide, angle: f64, along: f64) -> Pose {
         let GuidedJoint {
@@ -180,7 +170,7 @@ mod tests {
 
     #[test]
     fn the_wrench_is_the_gradient_of_the_energy() {
-        for kind in KINDS {
+        for kind in JointKind::DETERMINED {
             let guide = guide(kind);
             for angle in [0.0, 0.2, -2.9] {
                 let twist = Twist {
@@ -215,7 +205,7 @@ mod tests {
 
     #[test]
     fn free_motions_cost_nothing_and_others_do() {
-        for kind in KINDS {
+        for kind in JointKind::DETERMINED {
             let guide = guide(kind);
             let pitch = guide.joint.pitch;
             let (turns, slides) = match kind {

@@ -196,10 +196,14 @@ impl<'a> MatingSearch<'a> {
         let seated: Vec<Candidate> = distinct.par_iter().filter_map(seat).collect();
         let near = 0.5 * self.contact.resolution;
         let seated = self.distinct(seated, near, SLIDING);
+        let straight = self.hypotheses().rotations();
         let slide = |c: &Candidate| {
             let (pose, value) = match monitor.cancelled() {
                 true => (c.pose, c.value),
-                false => (self.contact).centred(self.contact.slide((c.pose, c.value), monitor)),
+                false => {
+                    let start = self.contact.straightened((c.pose, c.value), &straight);
+                    self.contact.centred(self.contact.slide(start, monitor))
+                }
             };
             Candidate { pose, value }
         };

@@ -9,16 +9,36 @@ use crate::geometry::se3::Pose;
 /// Steps at each clearance, at most.
 const STEPS: usize = 3;
 
-/// Weight of a sample inside the other part against one outside: while seating, and in the middle of
-/// what play there is.
-const INSIDE: f64 = 3.0;
-const EVEN: f64 = 1.0;
+/// How samples are weighed.
+#[derive(Debug, Clone, Copy)]
+struct Weighing {
+    /// Weight of a sample inside the other part against one outside.
+    inside: f64,
+    /// The weight falls by this power of the gap, clearances.
+    power: i32,
+}
+
+/// While seating: the nearest face draws most.
+const SEATING: Weighing = Weighing {
+    inside: 3.0,
+    power: 2,
+};
+
+/// In the middle of what play there is: faces on both sides count alike. A lower power would make
+/// the middle of wide play unstable.
+const EVEN: Weighing = Weighing {
+    inside: 1.0,
+    power: 8,
+};
 
 /// Nats of hold that a part in the middle of its play may lose.
 const MIDDLE: f64 = 0.5;
 
 /// Holds motions in place that no sample speaks for.
 const DAMPING: f64 = 1e-3;
+
+/// A part leans by at most this, radians: 4 degrees.
+const LEANING: f64 = 0.07;
 
 /// Largest turn of a step, radians.
 const LARGEST_TURN: f64 = 0.1;
@@ -51,7 +71,7 @@ impl MatingContact {
         for share in clearances {
             let clearance = share * 1.5 * self.clearance();
             for _ in 0..STEPS {
-                let Some((turn, shift)) = self.step(samples, &pose, clearance, INSIDE) else {
+                let Some((turn, shift)) = self.step(samples, &pose, clearance, SEATING) else {
                     break;
                 };
                 pose = self.moved(&pose, turn, shift);
@@ -61,6 +81,30 @@ impl MatingContact {
             }
         }
         pose
+    }
+
+    /// A seated part that leans a little in its play, set straight: in the nearest of the rotations
+    /// that make planes parallel, seated again, if that holds it better.
+    pub(super) fn straightened(
+        &self,
+        (start, hold): (Pose, f64),
+        rotations: &[DQuat],
+    ) -> (Pose, f64) {
+        let cosine = |q: &DQuat| q.dot(start.rotation).abs();
+        let nearest = rotations
+            .iter()
+            .max_by(|a, b| cosine(a).total_cmp(&cosine(b)));
+        let Some(q) = nearest.filter(|q| cosine(q) > (0.5 * LEANING).cos()) else {
+            return (start, hold);
+        };
+        let middle = start.apply(self.centre);
+        let straight = Pose::new(*q, middle - *q * self.centre);
+        let straight = self.approach_nearly_right(&straight);
+        let there = self.hold(&straight).hold;
+        match there > hold {
+            true => (straight, there),
+            false => (start, hold),
+        }
     }
 
     /// The pose in the middle of the play around one, if that holds the part as well: faces on both
@@ -94,15 +138,16 @@ impl MatingContact {
         samples: &[SurfacePoint],
         pose: &Pose,
         clearance: f64,
-        inside: f64,
+        weighing: Weighing,
     ) -> Option<(DVec3, DVec3)> {
         let centre = pose.apply(self.centre);
         let (mut normal_matrix, mut right, mut count) = (Matrix6::default(), [0.0; 6], 0);
         self.visit_mating(samples, pose, clearance, |s, p, n, gap, face| {
             count += 1;
             let height = gap * -face.dot(n);
-            let near = 1.0 - (gap / clearance).powi(2);
-            let weight = s.weight * near * if height < 0.0 { inside } else { 1.0 };
+            let near = 1.0 - (gap / clearance).powi(weighing.power);
+            let inside = if height < 0.0 { weighing.inside } else { 1.0 };
+            let weight = s.weight * near * inside;
             let row = self.row(centre, p, face);
             normal_matrix.add_outer(weight, &row);
             for (sum, r) in right.iter_mut().zip(&row) {

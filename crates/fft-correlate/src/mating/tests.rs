@@ -1,11 +1,14 @@
 //! Contact, seating and joints of shapes of which the answer is known.
 
-use glam::{DQuat, DVec3};
-use pegfit_fixtures::{JointPair, PegInHole, joint, joint_names};
-use sdf_grid::shapes::cuboid;
-use sdf_grid::{SurfaceFeatures, TriangleMesh};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
-use super::{Joint, JointKind, MatingContact};
+use glam::{DQuat, DVec2, DVec3};
+use pegfit_fixtures::{JointPair, PegInHole, joint, joint_names};
+use sdf_grid::shapes::construction::{circle, finish};
+use sdf_grid::shapes::cuboid;
+use sdf_grid::{Silent, SurfaceFeatures, TriangleMesh};
+
+use super::{HeldPose, Joint, JointKind, MatingContact, MatingSearch, MatingSearchOptions};
 use crate::geometry::se3::Pose;
 
 fn contact(fixed: &TriangleMesh, moving: &TriangleMesh) -> MatingContact {
@@ -202,4 +205,144 @@ fn a_round_peg_turns_all_around() {
     let turn = joint_of(&hole, &round).turn.unwrap();
     let half = std::f64::consts::PI;
     assert_eq!((turn.range, turn.blocked), ([-half, half], [false; 2]));
+}
+
+/// The solid between rings of equally many points, the first and the last of which are flat and
+/// convex. They run counter-clockwise seen from the last.
+fn skin(rings: &[(Vec<DVec2>, f64)]) -> TriangleMesh {
+    let n = rings[0].0.len() as u32;
+    let last = (rings.len() as u32 - 1) * n;
+    let mut triangles = Vec::new();
+    for low in (0..last).step_by(n as usize) {
+        for (a, b) in (0..n).map(|i| (low + i, low + (i + 1) % n)) {
+            triangles.extend([[a, b, b + n], [a, b + n, a + n]]);
+        }
+    }
+    for i in 1..n - 1 {
+        triangles.extend([[0, i + 1, i], [last, last + i, last + i + 1]]);
+    }
+    let vertices = rings
+        .iter()
+        .flat_map(|(ring, z)| ring.iter().map(|p| p.extend(*z)));
+    finish("skin", vertices.collect(), triangles).unwrap()
+}
+
+/// A box without a lid, its floor at z = 0, its mouth at `height`.
+fn tray(outside: DVec2, height: f64, wall: f64) -> TriangleMesh {
+    let ring = |size: DVec2| {
+        [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]
+            .map(|corner| DVec2::from_array(corner) * size)
+            .to_vec()
+    };
+    let inside = outside - 2.0 * wall;
+    skin(&[
+        (ring(outside), 0.0),
+        (ring(outside), height),
+        (ring(inside), height),
+        (ring(inside), wall),
+    ])
+}
+
+fn search(fixed: &TriangleMesh, moving: &TriangleMesh, present: Option<Pose>) -> Vec<HeldPose> {
+    let options = MatingSearchOptions {
+        top: 10,
+        present,
+        ..MatingSearchOptions::default()
+    };
+    MatingSearch::new(fixed, moving, options).run(&[], &Silent)
+}
+
+#[test]
+fn a_lid_goes_over_the_mouth_though_the_bottom_holds_it_better() {
+    let outside = DVec2::new(0.06, 0.04);
+    let box_ = tray(outside, 0.025, 1.5e-3);
+    let lid = tray(outside + 2.0 * 1.3e-3, 8e-3, 1.2e-3);
+    let found = search(&box_, &lid, None);
+    let up = |p: &HeldPose| (p.pose.rotation * DVec3::Z).z;
+    let (mouth, bottom) = (&found[0], found.iter().find(|p| up(p) > 0.99));
+    assert!(up(mouth) < -0.99 && mouth.enclosed > 2e-5, "{mouth:?}");
+    let bottom = bottom.expect("the lid fits below, too");
+    assert!(bottom.enclosed < 1e-6, "{bottom:?}");
+    assert!(bottom.hold.hold > mouth.hold.hold, "{bottom:?}");
+}
+
+#[test]
+fn a_part_that_may_turn_is_shown_as_it_lies_or_with_planes_parallel() {
+    // A round peg with a square head.
+    let radius = 0.01;
+    let round = circle(radius, 48);
+    let square = |p: &DVec2| *p * (1.5 / p.abs().max_element() * radius);
+    let square: Vec<DVec2> = round.iter().map(square).collect();
+    let peg = skin(&[
+        (round.clone(), 0.0),
+        (round, 0.02),
+        (square.clone(), 0.02),
+        (square, 0.03),
+    ]);
+    // A block with a round hole.
+    let hole = circle(radius + 1e-4, 48);
+    let block: Vec<DVec2> = (hole.iter())
+        .map(|p| *p * (0.03 / p.abs().max_element()))
+        .collect();
+    let ring = [(block.clone(), 0.0), (block.clone(), 0.02)];
+    let inner = [(hole.clone(), 0.02), (hole.clone(), 0.0)];
+    let block = tube(&[&ring[..], &inner[..]].concat());
+    let about_z = |pose: &Pose| pose.rotation.to_scaled_axis().z;
+    let parallel = &search(&block, &peg, None)[0];
+    assert_eq!(parallel.joint.kind, JointKind::Revolute, "{parallel:?}");
+    let spin = about_z(&parallel.pose);
+    let off = (spin / FRAC_PI_2 - (spin / FRAC_PI_2).round()) * FRAC_PI_2;
+    assert!(off.abs() < 5e-3, "{spin}");
+    // As it lies, though its planes are not parallel.
+    let present = Pose::new(DQuat::from_rotation_z(0.6 * FRAC_PI_4), DVec3::ZERO);
+    let shown = &search(&block, &peg, Some(present))[0];
+    let off = shown.pose.angle_to(&present);
+    assert!(off < 0.02, "{off}");
+}
+
+/// The solid between rings that closes from the last to the first.
+fn tube(rings: &[(Vec<DVec2>, f64)]) -> TriangleMesh {
+    let n = rings[0].0.len() as u32;
+    let total = rings.len() as u32 * n;
+    let mut triangles = Vec::new();
+    for low in (0..total).step_by(n as usize) {
+        let high = (low + n) % total;
+        for (i, j) in (0..n).map(|i| (i, (i + 1) % n)) {
+            triangles.extend([[low + i, low + j, high + j], [low + i, high + j, high + i]]);
+        }
+    }
+    let vertices = rings
+        .iter()
+        .flat_map(|(ring, z)| ring.iter().map(|p| p.extend(*z)));
+    finish("tube", vertices.collect(), triangles).unwrap()
+}
+
+#[test]
+fn a_part_ends_in_the_middle_of_its_play() {
+    let (hole, peg) = PegInHole::Rectangular.pair(4e-4).unwrap();
+    let contact = contact(&hole, &peg);
+    for aside in [DVec3::X, DVec3::Y, DVec3::new(0.7, -0.7, 0.0)] {
+        let start = Pose::from_translation(1.5e-4 * aside);
+        let hold = contact.hold(&start).hold;
+        let (pose, there) = contact.centred((start, hold));
+        let off = pose.apply(peg.bounds().center()) - peg.bounds().center();
+        assert!(off.truncate().length() < 2e-5, "{aside}: {off}");
+        assert!((there - contact.hold(&pose).hold).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn a_part_that_leans_in_its_play_is_set_straight() {
+    let (hole, peg) = PegInHole::Rectangular.pair(4e-4).unwrap();
+    let contact = contact(&hole, &peg);
+    let middle = peg.bounds().center();
+    let lean = DQuat::from_rotation_x(0.03);
+    let leaning = Pose::new(lean, middle - lean * middle);
+    let hold = contact.hold(&leaning).hold;
+    let quarter = DQuat::from_rotation_z(FRAC_PI_2);
+    let (straight, better) = contact.straightened((leaning, hold), &[quarter, DQuat::IDENTITY]);
+    assert!(straight.angle_to(&Pose::IDENTITY) < 2e-3 && better > hold);
+    // Not to a rotation far away.
+    let same = contact.straightened((leaning, hold), &[quarter]);
+    assert_eq!(same, (leaning, hold));
 }

@@ -177,6 +177,10 @@ docking-joints SEEDS="1..2" *ARGS:
     cargo run --release -p pegfit-benches --bin docking -- --joints {{SEEDS}} --starts 1 \
         --kinds "in place,both" {{ARGS}}
 
+# Time and memory of small parts beside large ones, in ./out (`just bench-reach PARTS_DIR --folder PAIRS`).
+bench-reach *ARGS:
+    cargo run --release -p pegfit-benches --bin reach -- {{ARGS}}
+
 # Contact without a lattice: long tests, then how sure it is (`just truth --write` keeps it instead).
 truth *ARGS:
     cargo test --release -p pegfit-truth -- --include-ignored

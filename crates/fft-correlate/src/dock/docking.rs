@@ -8,9 +8,7 @@ use std::time::Instant;
 
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
-use sdf_grid::{
-    Aabb, ContactError, Interference, Monitor, SymmetryOrder, TriangleMesh, minimum_box_rotation,
-};
+use sdf_grid::{Aabb, ContactError, Interference, Monitor, TriangleMesh, minimum_box_rotation};
 
 use crate::correlate::{CorrelatorPlan, PairSupport};
 use crate::direct::condition::Condition;
@@ -314,8 +312,6 @@ impl<'a> Docking<'a> {
     }
 
     fn mating_options(&self, domain: &SearchDomain) -> MatingSearchOptions {
-        let round = symmetry_on_lattice(&self.setup.moving, self.lattices.fine);
-        let round = round.iter().find(|a| a.order == SymmetryOrder::Continuous);
         let limited = |d: &RotationDomain| !matches!(d, RotationDomain::Full { .. });
         let limited = self.options.rotations.as_ref().is_some_and(limited);
         MatingSearchOptions {
@@ -329,7 +325,6 @@ impl<'a> Docking<'a> {
             },
             axis: self.options.axis,
             symmetries: domain.symmetries.clone(),
-            round: round.map(|a| a.direction),
             present: Some(Pose::IDENTITY),
         }
     }

@@ -1,12 +1,14 @@
 //! The search for poses that contact holds: screens hypotheses, seats the best of them, ranks them by
 //! hold and overlap, and gathers places that are alike.
 
+use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 use sdf_grid::{
-    Aabb, Enclosure, Interference, InterferenceQuery, Monitor, SurfaceFeatures, TriangleMesh,
+    Aabb, Enclosure, Interference, InterferenceQuery, Monitor, SurfaceFeatures, SymmetryOrder,
+    TriangleMesh, symmetry,
 };
 
 use super::contact::{HoldReport, INFORMATION_FLOOR, INSIDE, MatingContact};
@@ -47,6 +49,13 @@ const CLOSES: f64 = 10.0;
 const ALIKE_NATS: f64 = 1.0;
 const ALIKE_RATIO: f64 = 0.4;
 
+/// A part is round whose turns differ by this share of the resolution at most.
+const ROUND: f64 = 0.15;
+
+/// Facets differ from a circle by more than this, diagonals; turns that are tried of one facet.
+const EXACT: f64 = 1e-6;
+const FACET_TURNS: usize = 6;
+
 /// What is known beforehand about where the moving part belongs.
 #[derive(Debug, Clone, Default)]
 pub struct MatingSearchOptions {
@@ -60,8 +69,6 @@ pub struct MatingSearchOptions {
     pub axis: Option<(DVec3, DVec3)>,
     /// Motions that map the moving part onto itself: poses that differ by one count as the same.
     pub symmetries: Vec<Pose>,
-    /// Direction of the moving part's axis of revolution, its frame, if it has one.
-    pub round: Option<DVec3>,
     /// A pose of the moving part: of places that are alike the nearest to it comes first.
     pub present: Option<Pose>,
 }
@@ -131,6 +138,10 @@ pub struct MatingSearch<'a> {
     enclosure: Enclosure<'a>,
     pub(super) options: MatingSearchOptions,
     same: PoseSpacing,
+    /// Direction of the moving part's axis of revolution, its frame, if it has one.
+    round: Option<DVec3>,
+    /// Turns of a round part that bring its facets to others' places, radians.
+    facet_turns: Vec<f64>,
     /// The best hypotheses, found once.
     screened: OnceLock<Vec<Candidate>>,
 }
@@ -151,6 +162,9 @@ impl<'a> MatingSearch<'a> {
         let features = [fixed, moving].map(SurfaceFeatures::new);
         let [f, m] = &features;
         let contact = MatingContact::new([fixed, moving], [f, m], options.clearance);
+        let axes = symmetry::detect(moving, ROUND * contact.resolution);
+        let round = axes.iter().find(|a| a.order == SymmetryOrder::Continuous);
+        let round = round.map(|a| a.direction);
         let same = PoseSpacing {
             angle: contact.resolution / contact.radius,
             distance: contact.resolution,
@@ -163,6 +177,8 @@ impl<'a> MatingSearch<'a> {
             features,
             contact,
             enclosure: Enclosure::new(fixed, moving),
+            facet_turns: round.map_or(Vec::new(), |axis| facet_turns(moving, axis)),
+            round,
             options,
             same,
             screened: OnceLock::new(),
@@ -202,6 +218,7 @@ impl<'a> MatingSearch<'a> {
                 true => (c.pose, c.value),
                 false => {
                     let start = self.contact.straightened((c.pose, c.value), &straight);
+                    let start = self.contact.spun(start, self.round, &self.facet_turns);
                     self.contact.centred(self.contact.slide(start, monitor))
                 }
             };
@@ -221,7 +238,7 @@ impl<'a> MatingSearch<'a> {
 
     fn hypotheses(&self) -> Hypotheses<'_> {
         let [fixed, moving] = &self.features;
-        Hypotheses::new([fixed, moving], self.contact.resolution, self.options.round)
+        Hypotheses::new([fixed, moving], self.contact.resolution, self.round)
     }
 
     /// The best hypotheses of every family.
@@ -444,6 +461,20 @@ impl<'a> MatingSearch<'a> {
             (x / y).ln().abs()
         };
         a.iter().zip(&b).map(ratio).fold(0.0, f64::max) < ALIKE_RATIO
+    }
+}
+
+/// Turns about its axis within which the facets of a round part come to each other's places, radians;
+/// none if it has no facets.
+fn facet_turns(part: &TriangleMesh, axis: DVec3) -> Vec<f64> {
+    let axes = symmetry::detect(part, EXACT * part.bounds().diagonal());
+    let own = (axes.iter()).find(|a| a.direction.cross(axis).length() < 1e-3);
+    match own.map(|a| a.order) {
+        Some(SymmetryOrder::Finite(facets)) => {
+            let step = TAU / f64::from(facets) / FACET_TURNS as f64;
+            (1..FACET_TURNS).map(|k| k as f64 * step).collect()
+        }
+        _ => Vec::new(),
     }
 }
 

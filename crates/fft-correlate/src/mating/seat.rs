@@ -107,6 +107,26 @@ impl MatingContact {
         }
     }
 
+    /// A seated round part turned about its axis (its own frame) so that its facets lie best in those
+    /// around them: the turn, of these (radians), that holds it best when it is seated again.
+    pub(super) fn spun(
+        &self,
+        start: (Pose, f64),
+        axis: Option<DVec3>,
+        turns: &[f64],
+    ) -> (Pose, f64) {
+        let Some(axis) = axis else {
+            return start;
+        };
+        let about = start.0.rotation * axis;
+        let spun = turns.iter().map(|turn| {
+            let pose = self.moved(&start.0, *turn * about, DVec3::ZERO);
+            let pose = self.approach_nearly_right(&pose);
+            (pose, self.hold(&pose).hold)
+        });
+        spun.fold(start, |a, b| if b.1 > a.1 { b } else { a })
+    }
+
     /// The pose in the middle of the play around one, if that holds the part as well: faces on both
     /// sides within the clearance count, however close one of them is.
     pub(super) fn centred(&self, (start, hold): (Pose, f64)) -> (Pose, f64) {

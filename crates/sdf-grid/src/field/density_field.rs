@@ -110,9 +110,9 @@ impl DensityField {
         let lattice = &recipe.lattice;
         let bytes = Self::memory_bytes(lattice);
         Ok(Self {
-            exterior: zeros(lattice).ok_or(DensityError::Memory { bytes })?,
-            interior: zeros(lattice).ok_or(DensityError::Memory { bytes })?,
-            signed_distance: zeros(lattice).ok_or(DensityError::Memory { bytes })?,
+            exterior: zeros(lattice.shape()).ok_or(DensityError::Memory { bytes })?,
+            interior: zeros(lattice.shape()).ok_or(DensityError::Memory { bytes })?,
+            signed_distance: zeros(lattice.shape()).ok_or(DensityError::Memory { bytes })?,
             recipe,
         })
     }

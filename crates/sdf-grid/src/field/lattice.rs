@@ -163,10 +163,11 @@ impl Lattice {
     }
 }
 
-/// An array of zeros on `lattice`, or none if the memory cannot be had. Untouched: its pages are
-/// first written by the threads that fill them.
-pub(super) fn zeros<T: Zeroable>(lattice: &Lattice) -> Option<Array3<T>> {
-    let values = bytemuck::allocation::try_zeroed_vec(lattice.len()).ok()?;
+/// An array of zeros, or none if the memory cannot be had. Untouched: its pages are first written by
+/// the threads that fill them.
+pub(super) fn zeros<T: Zeroable>(shape: [usize; 3]) -> Option<Array3<T>> {
+    let nodes = shape.iter().try_fold(1usize, |n, s| n.checked_mul(*s))?;
+    let values = bytemuck::allocation::try_zeroed_vec(nodes).ok()?;
     large::ask_for_large_pages(&values);
-    Array3::from_shape_vec(lattice.shape(), values).ok()
+    Array3::from_shape_vec(shape, values).ok()
 }

@@ -9,7 +9,7 @@ use crate::mesh::triangle_mesh::TriangleMesh;
 
 /// Version of the computed values: raised whenever the same inputs give other densities, or other
 /// sums over surfaces.
-pub const FIELD_VERSION: u32 = 17;
+pub const FIELD_VERSION: u32 = 18;
 
 /// Everything that a field's values depend on: two fields of one recipe are the same to the bit.
 ///

@@ -4,12 +4,14 @@ use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 
 use glam::{DQuat, DVec3};
+use ndarray::s;
 use num_complex::{Complex32, Complex64};
+use rand::{Rng, SeedableRng, rngs::SmallRng};
 use rayon::prelude::*;
 use sdf_grid::shapes::{self, PegInHole};
 use sdf_grid::{
-    DensityError, DensityField, DensityKernel, DensityOptions, Lattice, Monitor, ReferenceDensity,
-    Sampling, Silent, TriangleMesh, UnitDensity,
+    Aabb, DensityError, DensityField, DensityKernel, DensityOptions, Lattice, Monitor,
+    ReferenceDensity, Sampling, Silent, TriangleMesh, UnitDensity, signed_distances,
 };
 
 use crate::common::{self, cuboid, random_star, relative_l2};
@@ -104,6 +106,54 @@ fn point_values_on_the_boundary_are_finite_means() {
         // The middle of a face; limits are taken 1e-4 spacings away.
         assert!((outer - 0.5 * half.conj()).norm() < 1e-3, "{outer}");
         assert!((inner - 0.5 * half).norm() < 1e-3, "{inner}");
+    }
+}
+
+/// Values of a node do not depend on which box of nodes is computed, however it lies in the blocks.
+#[test]
+fn every_window_of_a_lattice_has_its_values_to_the_bit() {
+    let star = random_star(2, 7);
+    let (h, halo) = (0.06, 0.35);
+    let whole = Lattice::covering(&star.bounds(), halo, h).unwrap();
+    for sampling in [
+        Sampling::Point,
+        Sampling::CellAverage,
+        Sampling::Smoothed {
+            deviation: 0.7 * h,
+            sharpening: 0.0,
+        },
+        Sampling::Smoothed {
+            deviation: 0.7 * h,
+            sharpening: 1.2 * h * h,
+        },
+    ] {
+        let options = DensityOptions {
+            halo,
+            ..options(1e-3, sampling)
+        };
+        let dense = field(&star, 0.1, &whole, &options);
+        let distances = signed_distances(&star, &whole, &Silent).unwrap();
+        let mut rng = SmallRng::seed_from_u64(5);
+        for _ in 0..6 {
+            let shape = whole.shape().map(|n| rng.random_range(1..=n.min(30)));
+            let first: [usize; 3] =
+                std::array::from_fn(|a| rng.random_range(0..=whole.shape()[a] - shape[a]));
+            let box_ = Aabb {
+                min: whole.position(first),
+                max: whole.position([0, 1, 2].map(|a| first[a] + shape[a] - 1)),
+            };
+            // A covering lattice of cells around these nodes.
+            let window = Lattice::covering(&box_, 0.25 * h, h).unwrap();
+            assert_eq!(window.shape(), shape);
+            let part = field(&star, 0.1, &window, &options);
+            let own = |axis: usize| first[axis]..first[axis] + shape[axis];
+            let slice = s![own(0), own(1), own(2)];
+            assert_eq!(part.exterior, dense.exterior.slice(slice), "{sampling:?}");
+            assert_eq!(part.interior, dense.interior.slice(slice), "{sampling:?}");
+            assert_eq!(part.signed_distance, dense.signed_distance.slice(slice));
+            let found = signed_distances(&star, &window, &Silent).unwrap();
+            assert_eq!(found, distances.slice(slice));
+        }
     }
 }
 
@@ -291,7 +341,7 @@ fn a_monitor_sees_every_block_and_can_cancel() {
     }
     let cube = cuboid(DVec3::ZERO, DVec3::ONE, 1);
     let kernel = DensityKernel::new(0.1).unwrap();
-    let lattice = Lattice::new(DVec3::ZERO, 0.1, [9, 8, 17]).unwrap();
+    let lattice = Lattice::new(DVec3::splat(0.05), 0.1, [9, 8, 17]).unwrap();
     let run = |m: &Counter| {
         DensityField::compute(&cube, &kernel, &lattice, &DensityOptions::default(), m)
     };

@@ -7,6 +7,7 @@ use glam::DVec3;
 use ndarray::{ArrayViewMut3, Axis};
 use num_complex::Complex32;
 
+use crate::field::lattice::Lattice;
 use crate::field::packet::points::{LANES, Points};
 
 /// A regular patch of `shape` points in normalized coordinates.
@@ -110,7 +111,95 @@ impl Brick {
 }
 
 /// Nodes along each edge of a block, the unit of work.
-const BLOCK: usize = 8;
+pub(super) const BLOCK: usize = 8;
+
+/// All nodes of a spacing, by whole numbers, however far. Blocks begin at multiples of [`BLOCK`], so
+/// that values do not depend on which box of nodes is computed.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Grid {
+    /// Position of node zero, metres.
+    zero: DVec3,
+    pub(super) spacing: f64,
+}
+
+/// A box of a grid's nodes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Region {
+    pub(super) first: [i64; 3],
+    pub(super) shape: [usize; 3],
+}
+
+/// Nodes farther from the frame's origin than this many spacings are counted from the lattice's own.
+const FARTHEST: f64 = 1e12;
+
+impl Grid {
+    /// The grid of a lattice, and which nodes the lattice has. That of [`Lattice::covering`] depends on
+    /// the spacing alone.
+    pub(super) fn of(lattice: &Lattice) -> (Self, Region) {
+        let spacing = lattice.spacing();
+        let count = (lattice.origin() / spacing - 0.5).round();
+        let count = if count.abs().max_element() < FARTHEST {
+            count
+        } else {
+            DVec3::ZERO
+        };
+        let rest = lattice.origin() - (count + 0.5) * spacing;
+        let grid = Self {
+            zero: 0.5 * spacing + rest,
+            spacing,
+        };
+        let region = Region {
+            first: count.to_array().map(|c| c as i64),
+            shape: lattice.shape(),
+        };
+        (grid, region)
+    }
+
+    /// The grid of half the spacing: its node `2 n` is node `n` of this one.
+    pub(super) fn finer(&self) -> Self {
+        Self {
+            spacing: 0.5 * self.spacing,
+            ..*self
+        }
+    }
+
+    pub(super) fn position(&self, index: [i64; 3]) -> DVec3 {
+        self.zero + self.spacing * DVec3::from_array(index.map(|i| i as f64))
+    }
+}
+
+impl Region {
+    /// From one node to another, both included.
+    pub(super) fn between(first: [i64; 3], last: [i64; 3]) -> Self {
+        let shape = std::array::from_fn(|a| (last[a] - first[a] + 1) as usize);
+        Self { first, shape }
+    }
+
+    /// The blocks in which its nodes are.
+    pub(super) fn in_blocks(&self) -> Self {
+        let block = BLOCK as i64;
+        let first = self.first.map(|n| n.div_euclid(block) * block);
+        let last = self.last().map(|n| (n.div_euclid(block) + 1) * block - 1);
+        Self::between(first, last)
+    }
+
+    /// Its last node.
+    pub(super) fn last(&self) -> [i64; 3] {
+        std::array::from_fn(|a| self.first[a] + self.shape[a] as i64 - 1)
+    }
+
+    /// How many blocks it is cut into.
+    pub(super) fn block_count(&self) -> u64 {
+        let blocks = self.in_blocks().shape.map(|n| (n / BLOCK) as u64);
+        blocks.into_iter().product()
+    }
+
+    /// Number of nodes.
+    pub(super) fn len(&self) -> u64 {
+        let nodes = self.shape.iter();
+        nodes.fold(1, |n: u64, s| n.saturating_mul(*s as u64))
+    }
+}
 
 /// The values of a field, to be filled.
 pub(crate) struct Arrays<'a> {
@@ -122,32 +211,33 @@ pub(crate) struct Arrays<'a> {
     pub(crate) signed_distance: ArrayViewMut3<'a, f32>,
 }
 
-/// A block of the field's arrays and where it starts.
+/// Where a block lies, and which of its nodes an array has.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place {
+    /// Its first node.
+    pub(super) corner: [i64; 3],
+    /// From there to the first node of the array.
+    pub(super) offset: [usize; 3],
+}
+
+/// The part of the field's arrays in a block.
 pub(super) struct Block<'a> {
-    pub(super) start: [usize; 3],
+    pub(super) place: Place,
     pub(super) exterior: ArrayViewMut3<'a, Complex32>,
     pub(super) interior: ArrayViewMut3<'a, Complex32>,
     pub(super) signed_distance: ArrayViewMut3<'a, f32>,
 }
 
-/// How many blocks arrays of a shape are cut into.
-pub(super) fn block_count(shape: [usize; 3]) -> u64 {
-    shape
-        .map(|n| n.div_ceil(BLOCK) as u64)
-        .into_iter()
-        .product()
-}
-
-/// The arrays cut into blocks.
-pub(super) fn blocks(arrays: Arrays<'_>) -> Vec<Block<'_>> {
-    let exterior = cut(arrays.exterior);
-    let interior = cut(arrays.interior);
-    let distance = cut(arrays.signed_distance);
+/// The arrays cut into blocks; they begin at node `first`.
+pub(super) fn blocks(arrays: Arrays<'_>, first: [i64; 3]) -> Vec<Block<'_>> {
+    let exterior = cut(arrays.exterior, first);
+    let interior = cut(arrays.interior, first);
+    let distance = cut(arrays.signed_distance, first);
     let parts = exterior.into_iter().zip(interior).zip(distance);
     parts
         .map(
-            |(((start, exterior), (_, interior)), (_, signed_distance))| Block {
-                start,
+            |(((place, exterior), (_, interior)), (_, signed_distance))| Block {
+                place,
                 exterior,
                 interior,
                 signed_distance,
@@ -156,26 +246,35 @@ pub(super) fn blocks(arrays: Arrays<'_>) -> Vec<Block<'_>> {
         .collect()
 }
 
-/// Disjoint views of at most [`BLOCK`] nodes per axis, each with the index it starts at.
-pub(super) fn cut<T>(view: ArrayViewMut3<'_, T>) -> Vec<([usize; 3], ArrayViewMut3<'_, T>)> {
-    (0..3).fold(vec![([0; 3], view)], |parts, axis| {
-        let slices = |(start, view)| cut_axis(start, view, axis);
+/// Disjoint views of the nodes of each block of an array that begins at node `first`.
+pub(super) fn cut<T>(
+    view: ArrayViewMut3<'_, T>,
+    first: [i64; 3],
+) -> Vec<(Place, ArrayViewMut3<'_, T>)> {
+    let block = BLOCK as i64;
+    let whole = Place {
+        corner: first.map(|n| n.div_euclid(block) * block),
+        offset: first.map(|n| n.rem_euclid(block) as usize),
+    };
+    (0..3).fold(vec![(whole, view)], |parts, axis| {
+        let slices = |(place, view)| cut_axis(place, view, axis);
         parts.into_iter().flat_map(slices).collect()
     })
 }
 
 fn cut_axis<T>(
-    mut start: [usize; 3],
+    mut place: Place,
     mut rest: ArrayViewMut3<'_, T>,
     axis: usize,
-) -> Vec<([usize; 3], ArrayViewMut3<'_, T>)> {
+) -> Vec<(Place, ArrayViewMut3<'_, T>)> {
     let mut parts = Vec::new();
-    while rest.len_of(Axis(axis)) > BLOCK {
-        let (head, tail) = rest.split_at(Axis(axis), BLOCK);
-        parts.push((start, head));
-        start[axis] += BLOCK;
+    while place.offset[axis] + rest.len_of(Axis(axis)) > BLOCK {
+        let (head, tail) = rest.split_at(Axis(axis), BLOCK - place.offset[axis]);
+        parts.push((place, head));
+        place.corner[axis] += BLOCK as i64;
+        place.offset[axis] = 0;
         rest = tail;
     }
-    parts.push((start, rest));
+    parts.push((place, rest));
     parts
 }

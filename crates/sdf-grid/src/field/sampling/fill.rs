@@ -5,7 +5,7 @@ use std::ops::Range;
 use num_complex::Complex32;
 use rayon::prelude::*;
 
-use super::blocks::{Anchors, Arrays, Block, Patch, block_count, blocks};
+use super::blocks::{Anchors, Arrays, BLOCK, Block, Grid, Patch, blocks};
 use super::gaussian_smoothing::Smoothing;
 use super::patch_density::{PatchDensity, PatchValues};
 use super::upsampling::Upsampling;
@@ -78,27 +78,24 @@ pub(crate) fn fill(
         sharpening,
     } = recipe.sampling
     else {
-        let sampler = Sampler::new(recipe, recipe.lattice, tree);
-        monitor.begin("density", block_count(recipe.lattice.shape()));
-        return sample(&sampler, arrays, monitor);
+        let (grid, region) = Grid::of(&recipe.lattice);
+        let sampler = Sampler::new(recipe, grid, tree);
+        monitor.begin("density", region.block_count());
+        return sample(&sampler, arrays, region.first, monitor);
     };
     // Smoothed fields are sampled on a finer lattice and filtered.
     let smoothing = Smoothing::new(&recipe.lattice, deviation, sharpening)?;
     let ends = [recipe.sampling.spread(), recipe.halo].map(|v| v as f32);
+    let typical = kernel.half_space().norm() as f32;
     monitor.begin("density", smoothing.blocks());
-    smoothing.fill(
-        &recipe.lattice,
-        arrays,
-        ends,
-        |lattice, arrays, upsampling| {
-            let mut sampler = Sampler::new(recipe, *lattice, tree);
-            if upsampling.is_none() {
-                sampler.sampling = Sampling::Point;
-            }
-            sampler.upsampling = upsampling;
-            sample(&sampler, arrays, monitor)
-        },
-    )
+    smoothing.fill(arrays, ends, typical, |grid, first, arrays, upsampling| {
+        let mut sampler = Sampler::new(recipe, *grid, tree);
+        if upsampling.is_none() {
+            sampler.sampling = Sampling::Point;
+        }
+        sampler.upsampling = upsampling;
+        sample(&sampler, arrays, first, monitor)
+    })
 }
 
 /// Bytes that [`fill`] takes beside the arrays.
@@ -113,13 +110,14 @@ pub(crate) fn working_bytes(lattice: &Lattice, sampling: Sampling) -> u64 {
     Smoothing::new(lattice, deviation, sharpening).map_or(0, |s| s.bytes())
 }
 
-/// Computes the values of a lattice.
+/// Computes the values of arrays that begin at node `first`.
 fn sample(
     sampler: &Sampler<'_>,
     arrays: Arrays<'_>,
+    first: [i64; 3],
     monitor: &dyn Monitor,
 ) -> Result<(), DensityError> {
-    let mut blocks = blocks(arrays);
+    let mut blocks = blocks(arrays, first);
     // Few enough reports for the monitor, whatever the lattice.
     let batch = blocks.len().div_ceil(2048);
     let batches = blocks.par_chunks_mut(batch);
@@ -161,11 +159,11 @@ fn split_cell([exterior, interior]: [Complex32; 2], place: f32) -> [Complex32; 2
 struct Sampler<'a> {
     patches: PatchDensity<'a>,
     bvh: &'a Bvh,
-    lattice: Lattice,
+    grid: Grid,
     halo: f64,
     sampling: Sampling,
-    /// Nodes between which the lattice lies, and how many of its planes from their start.
-    upsampling: Option<(&'a Upsampling, usize)>,
+    /// Coarser nodes between which those of the grid lie.
+    upsampling: Option<&'a Upsampling>,
 }
 
 /// Working memory of one batch of blocks.
@@ -180,7 +178,7 @@ struct Scratch {
 impl<'a> Sampler<'a> {
     fn new(
         recipe: &FieldRecipe,
-        lattice: Lattice,
+        grid: Grid,
         (bvh, table): (&'a Bvh, &'a CumulativeKernel),
     ) -> Self {
         let scale = bvh.scale();
@@ -189,13 +187,13 @@ impl<'a> Sampler<'a> {
             PacketDensity::new(bvh, table, recipe.tolerance),
             PointDensity::new(bvh, table),
             recipe.halo * scale,
-            STEP * lattice.spacing() * scale,
+            STEP * grid.spacing * scale,
             [recipe.tolerance, table.kernel().sigma()],
         );
         Self {
             patches,
             bvh,
-            lattice,
+            grid,
             halo: recipe.halo,
             sampling: recipe.sampling,
             upsampling: None,
@@ -203,17 +201,14 @@ impl<'a> Sampler<'a> {
     }
 
     fn fill_block(&self, block: &mut Block<'_>, scratch: &mut Scratch) {
-        if let Some((upsampling, first)) = self.upsampling {
-            let [x, y, z] = block.start;
-            if upsampling.fill([first + x, y, z], block) {
-                return;
-            }
+        if (self.upsampling).is_some_and(|upsampling| upsampling.fill(block)) {
+            return;
         }
-        let shape: [usize; 3] = block.exterior.dim().into();
+        // All nodes of the block, wanted or not: values do not depend on which are.
         let patch = Patch {
-            origin: self.bvh.normalized(self.lattice.position(block.start)),
-            spacing: self.lattice.spacing() * self.bvh.scale(),
-            shape,
+            origin: self.bvh.normalized(self.grid.position(block.place.corner)),
+            spacing: self.grid.spacing * self.bvh.scale(),
+            shape: [BLOCK; 3],
         };
         // Started anew for every block: results must not depend on which thread took which block.
         let mut hint = 0;
@@ -223,24 +218,19 @@ impl<'a> Sampler<'a> {
         let faded = (UNTAPERED * self.halo * self.bvh.scale()) as f32;
         // A power of two: exact.
         let metres = (1.0 / self.bvh.scale()) as f32;
-        let nz = shape[2];
-        let lines = (block.exterior.rows_mut().into_iter())
-            .zip(block.interior.rows_mut())
-            .zip(block.signed_distance.rows_mut());
-        for (line, ((mut exterior, mut interior), mut signed_distance)) in lines.enumerate() {
-            for z in 0..nz {
-                let flat = line * nz + z;
-                let distance = scratch.nodes.distance[flat];
-                let parts = scratch.means[flat].unwrap_or_else(|| {
-                    let mut parts = scratch.nodes.parts(flat);
-                    if distance > faded {
-                        parts[0] *= self.taper_factor(distance);
-                    }
-                    parts
-                });
-                signed_distance[z] = distance * metres;
-                [exterior[z], interior[z]] = parts;
-            }
+        let offset = block.place.offset;
+        for ((x, y, z), signed_distance) in block.signed_distance.indexed_iter_mut() {
+            let flat = patch.flat([x + offset[0], y + offset[1], z + offset[2]]);
+            let distance = scratch.nodes.distance[flat];
+            let parts = scratch.means[flat].unwrap_or_else(|| {
+                let mut parts = scratch.nodes.parts(flat);
+                if distance > faded {
+                    parts[0] *= self.taper_factor(distance);
+                }
+                parts
+            });
+            *signed_distance = distance * metres;
+            [block.exterior[[x, y, z]], block.interior[[x, y, z]]] = parts;
         }
     }
 

@@ -7,12 +7,11 @@
 
 use std::ops::RangeInclusive;
 
-use glam::DVec3;
 use ndarray::{Array2, Array3, ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis, Zip};
 use num_complex::Complex32;
 use rayon::prelude::*;
 
-use super::blocks::{Arrays, block_count};
+use super::blocks::{Arrays, Grid, Region};
 use super::upsampling::{BYTES, FINE, Upsampling};
 use crate::field::lattice::{Lattice, zeros};
 use crate::field::options::DensityError;
@@ -63,15 +62,9 @@ impl Filter {
         self.value.len() / 2
     }
 
-    /// Fine nodes before the first node of the lattice: of the nodes between which they lie, whole
-    /// steps.
-    fn margin(&self) -> usize {
-        self.reach().next_multiple_of(FINE)
-    }
-
-    /// The first fine node that the first node of the lattice reads.
-    fn first(&self) -> usize {
-        self.margin() - self.reach()
+    /// The first fine node that a node reads.
+    fn first(&self, node: i64) -> i64 {
+        FINE as i64 * node - self.reach() as i64
     }
 }
 
@@ -85,14 +78,14 @@ struct Plane {
 /// without; above, the filter takes longer than the densities.
 const DEVIATIONS: RangeInclusive<f64> = 0.3..=4.0;
 
-/// How a lattice is filled from a finer one.
+/// How nodes are filled from a finer grid.
 pub(super) struct Smoothing {
     filter: Filter,
-    /// The first node of the fine lattice, metres.
-    origin: DVec3,
-    spacing: f64,
-    /// Nodes of the fine lattice.
-    shape: [usize; 3],
+    grid: Grid,
+    /// The nodes to fill.
+    nodes: Region,
+    /// Nodes of the finer grid that are computed: the blocks of those that are read.
+    fine: Region,
 }
 
 impl Smoothing {
@@ -110,86 +103,84 @@ impl Smoothing {
                 found: deviation,
             });
         }
-        let spacing = lattice.spacing() / FINE as f64;
-        let filter = Filter::new(deviation, sharpening, spacing);
-        let margin = filter.margin();
+        let (grid, nodes) = Grid::of(lattice);
+        let filter = Filter::new(deviation, sharpening, grid.finer().spacing);
+        let first = nodes.first.map(|n| filter.first(n));
+        let last = nodes
+            .last()
+            .map(|n| filter.first(n) + 2 * filter.reach() as i64);
         Ok(Self {
-            origin: lattice.origin() - margin as f64 * spacing,
-            shape: lattice.shape().map(|n| FINE * (n - 1) + 1 + 2 * margin),
             filter,
-            spacing,
+            grid,
+            nodes,
+            fine: Region::between(first, last).in_blocks(),
         })
     }
 
-    /// Shapes of the slabs of the fine lattice, one behind the other along x.
-    fn slabs(&self) -> impl Iterator<Item = [usize; 3]> + '_ {
-        let [nx, ny, nz] = self.shape;
-        (0..nx)
-            .step_by(DEPTH)
-            .map(move |first| [DEPTH.min(nx - first), ny, nz])
+    /// Slabs of the fine nodes, one behind the other along x.
+    fn slabs(&self) -> impl Iterator<Item = Region> + '_ {
+        let ([x, y, z], [nx, ny, nz]) = (self.fine.first, self.fine.shape);
+        (0..nx).step_by(DEPTH).map(move |first| Region {
+            first: [x + first as i64, y, z],
+            shape: [DEPTH.min(nx - first), ny, nz],
+        })
     }
 
     /// Number of blocks that `sample` of [`Smoothing::fill`] computes.
     pub(super) fn blocks(&self) -> u64 {
-        let fine: u64 = self.slabs().map(block_count).sum();
-        fine + block_count(Upsampling::shape(self.shape))
+        let fine: u64 = self.slabs().map(|slab| slab.block_count()).sum();
+        fine + Upsampling::region(&self.fine).block_count()
     }
 
     /// Bytes that [`Smoothing::fill`] takes beside the arrays.
     pub(super) fn bytes(&self) -> u64 {
-        let nodes = |shape: [usize; 3]| shape.iter().fold(1, |n, s| s.saturating_mul(n)) as u64;
-        let [nx, ny, nz] = self.shape;
-        let slab = nodes([DEPTH.min(nx), ny, nz]);
-        (nodes(Upsampling::shape(self.shape)) + slab).saturating_mul(BYTES as u64)
+        let slab = self.slabs().next().map_or(0, |slab| slab.len());
+        (Upsampling::region(&self.fine).len().saturating_add(slab)).saturating_mul(BYTES as u64)
     }
 
     /// Fills arrays of zeros up to where densities end: beyond the boundary, on its other side, and
     /// beyond the halo by half as much, where next to nothing is left. A filter reaches the corners
     /// of a box; what ends within a distance moves with the part, and is as small as it can be in
-    /// every direction. `sample` fills the values of a lattice: at its nodes, or if there are nodes
-    /// between which it lies, beginning so many fine planes from their start, means over its cells.
+    /// every direction. `typical` is a density of that kernel. `sample` fills arrays from a node of
+    /// a grid on: with values at the nodes, or with means over their cells where there are coarser
+    /// nodes between which they lie.
     pub(super) fn fill(
         &self,
-        lattice: &Lattice,
         mut arrays: Arrays<'_>,
         [spread, halo]: [f32; 2],
+        typical: f32,
         mut sample: impl FnMut(
-            &Lattice,
+            &Grid,
+            [i64; 3],
             Arrays<'_>,
-            Option<(&Upsampling, usize)>,
+            Option<&Upsampling>,
         ) -> Result<(), DensityError>,
     ) -> Result<(), DensityError> {
-        let filter = &self.filter;
-        // The coarse lattice, from which smooth blocks are interpolated.
+        // The coarse nodes, from which smooth blocks are interpolated.
         let upsampling = Upsampling::new(
-            lattice,
-            filter.margin(),
-            self.shape,
-            &mut arrays.signed_distance,
-            |coarse, arrays| sample(coarse, arrays, None),
+            &self.grid,
+            &self.fine,
+            (&self.nodes, &mut arrays.signed_distance),
+            typical,
+            |first, arrays| sample(&self.grid, first, arrays, None),
         )?;
-        // Slabs of the fine lattice, filtered one after the other.
-        for (slab, shape) in self.slabs().enumerate() {
-            let first = slab * DEPTH;
-            let origin = self.origin + DVec3::X * (first as f64 * self.spacing);
+        // Slabs of the fine nodes, filtered one after the other.
+        let finer = self.grid.finer();
+        for slab in self.slabs() {
             let memory = || DensityError::Memory {
-                bytes: shape.iter().fold(20, |b, n| b.saturating_mul(*n as u64)),
+                bytes: slab.len().saturating_mul(BYTES as u64),
             };
-            let slab = Lattice::new(origin, self.spacing, shape).map_err(|_| memory())?;
-            let mut exterior = zeros(&slab).ok_or_else(memory)?;
-            let mut interior = zeros(&slab).ok_or_else(memory)?;
-            let mut distance = zeros(&slab).ok_or_else(memory)?;
-            sample(
-                &slab,
-                Arrays {
-                    exterior: exterior.view_mut(),
-                    interior: interior.view_mut(),
-                    signed_distance: distance.view_mut(),
-                },
-                Some((&upsampling, first)),
-            )?;
-            add_slab(filter, first, &exterior, &mut arrays.exterior);
-            add_slab(filter, first, &interior, &mut arrays.interior);
+            let mut exterior = zeros(slab.shape).ok_or_else(memory)?;
+            let mut interior = zeros(slab.shape).ok_or_else(memory)?;
+            let mut distance = zeros(slab.shape).ok_or_else(memory)?;
+            let fine = Arrays {
+                exterior: exterior.view_mut(),
+                interior: interior.view_mut(),
+                signed_distance: distance.view_mut(),
+            };
+            sample(&finer, slab.first, fine, Some(&upsampling))?;
+            self.add_slab(slab.first, &exterior, &mut arrays.exterior);
+            self.add_slab(slab.first, &interior, &mut arrays.interior);
         }
         // Cuts off what lies beyond the filter and the halo.
         Zip::from(&arrays.signed_distance)
@@ -205,33 +196,66 @@ impl Smoothing {
             });
         Ok(())
     }
-}
 
-/// Adds what the planes of a slab give to the nodes within the filter's reach.
-fn add_slab(
-    filter: &Filter,
-    first: usize,
-    slab: &Array3<Complex32>,
-    to: &mut ArrayViewMut3<'_, Complex32>,
-) {
-    let (nodes, ny, nz) = to.dim();
-    for (i, fine) in slab.outer_iter().enumerate() {
-        if fine.iter().all(|v| *v == Complex32::ZERO) {
-            continue;
+    /// Adds what the planes of a slab from a node on give to the nodes within the filter's reach.
+    fn add_slab(
+        &self,
+        first: [i64; 3],
+        slab: &Array3<Complex32>,
+        to: &mut ArrayViewMut3<'_, Complex32>,
+    ) {
+        let filter = &self.filter;
+        let (fine, reach) = (FINE as i64, filter.reach() as i64);
+        let [begin, end] = [self.nodes.first[0], self.nodes.last()[0]];
+        for (plane, place) in slab.outer_iter().zip(first[0]..) {
+            if plane.iter().all(|v| *v == Complex32::ZERO) {
+                continue;
+            }
+            let near = (place - reach + fine - 1).div_euclid(fine).max(begin)
+                ..=(place + reach).div_euclid(fine).min(end);
+            if near.is_empty() {
+                continue;
+            }
+            let plane = self.filter_plane(&plane, first);
+            for n in near {
+                let tap = (place - filter.first(n)) as usize;
+                let (v, b) = (filter.value[tap], filter.bend.as_ref().map(|b| b[tap]));
+                let mut nodes = to.index_axis_mut(Axis(0), (n - begin) as usize);
+                add_plane(&mut nodes, &plane, v, b);
+            }
         }
-        let plane = filter_plane(filter, &fine, [ny, nz]);
-        // Node n is the sum over fine planes from FINE n on, counted from the first that is read.
-        let Some(place) = (first + i).checked_sub(filter.first()) else {
-            continue;
-        };
-        let last = (place / FINE).min(nodes - 1);
-        let taps = filter.value.len();
-        let begin = (place + 1).saturating_sub(taps).div_ceil(FINE);
-        for n in begin..=last {
-            let tap = place - FINE * n;
-            let (v, b) = (filter.value[tap], filter.bend.as_ref().map(|b| b[tap]));
-            add_plane(&mut to.index_axis_mut(Axis(0), n), &plane, v, b);
-        }
+    }
+
+    /// A fine plane, which begins at a node, filtered along z and y.
+    fn filter_plane(&self, fine: &ArrayView2<'_, Complex32>, first: [i64; 3]) -> Plane {
+        let filter = &self.filter;
+        let [_, ny, nz] = self.nodes.shape;
+        // From the first fine node that is there to the first that is read.
+        let skipped = |axis: usize| (filter.first(self.nodes.first[axis]) - first[axis]) as usize;
+        let (skipped_y, skipped_z) = (skipped(1), skipped(2));
+        let rows: Vec<[Vec<Complex32>; 2]> = (0..fine.nrows())
+            .into_par_iter()
+            .map(|y| {
+                let row = fine.row(y).to_slice().unwrap_or_default();
+                filter_row(filter, &row[skipped_z..], nz)
+            })
+            .collect();
+        let (mut value, mut bend) = (Array2::zeros([ny, nz]), Array2::zeros([ny, nz]));
+        let lines = value
+            .outer_iter_mut()
+            .into_par_iter()
+            .zip(bend.outer_iter_mut());
+        lines.enumerate().for_each(|(y, (mut value, mut bend))| {
+            let near = &rows[skipped_y + FINE * y..][..filter.value.len()];
+            for (k, [v, b]) in near.iter().enumerate() {
+                axpy(filter.value[k], v, value.as_slice_mut().unwrap_or_default());
+                if let Some(weights) = &filter.bend {
+                    axpy(weights[k], v, bend.as_slice_mut().unwrap_or_default());
+                    axpy(filter.value[k], b, bend.as_slice_mut().unwrap_or_default());
+                }
+            }
+        });
+        Plane { value, bend }
     }
 }
 
@@ -243,40 +267,16 @@ fn add_plane(to: &mut ArrayViewMut2<'_, Complex32>, plane: &Plane, value: f32, b
     }
 }
 
-/// A fine plane filtered along z and y to `ny` by `nz` nodes.
-fn filter_plane(filter: &Filter, fine: &ArrayView2<'_, Complex32>, [ny, nz]: [usize; 2]) -> Plane {
-    let rows: Vec<[Vec<Complex32>; 2]> = (0..fine.nrows())
-        .into_par_iter()
-        .map(|y| filter_row(filter, fine.row(y).to_slice().unwrap_or_default(), nz))
-        .collect();
-    let (mut value, mut bend) = (Array2::zeros([ny, nz]), Array2::zeros([ny, nz]));
-    let lines = value
-        .outer_iter_mut()
-        .into_par_iter()
-        .zip(bend.outer_iter_mut());
-    lines.enumerate().for_each(|(y, (mut value, mut bend))| {
-        let near = &rows[filter.first() + FINE * y..][..filter.value.len()];
-        for (k, [v, b]) in near.iter().enumerate() {
-            axpy(filter.value[k], v, value.as_slice_mut().unwrap_or_default());
-            if let Some(weights) = &filter.bend {
-                axpy(weights[k], v, bend.as_slice_mut().unwrap_or_default());
-                axpy(filter.value[k], b, bend.as_slice_mut().unwrap_or_default());
-            }
-        }
-    });
-    Plane { value, bend }
-}
-
 fn axpy(weight: f32, from: &[Complex32], to: &mut [Complex32]) {
     for (t, f) in to.iter_mut().zip(from) {
         *t += f * weight;
     }
 }
 
-/// A fine row filtered to `nz` nodes: smoothed, and what sharpening adds.
+/// A fine row, from the first node that is read on, filtered to `nz` nodes: smoothed, and what sharpening adds.
 fn filter_row(filter: &Filter, fine: &[Complex32], nz: usize) -> [Vec<Complex32>; 2] {
     let sum = |weights: &[f32], k: usize| {
-        let near = &fine[filter.first() + FINE * k..][..weights.len()];
+        let near = &fine[FINE * k..][..weights.len()];
         let terms = near.iter().zip(weights).map(|(v, w)| v * w);
         terms.fold(Complex32::ZERO, |a, b| a + b)
     };

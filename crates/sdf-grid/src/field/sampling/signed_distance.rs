@@ -1,10 +1,10 @@
 //! Signed distance on a lattice, without the density.
 
 use glam::DVec3;
-use ndarray::{Array3, ArrayView1, ArrayViewMut3};
+use ndarray::{Array3, ArrayViewMut3};
 use rayon::prelude::*;
 
-use super::blocks::{Brick, Patch, cut};
+use super::blocks::{BLOCK, Brick, Grid, Patch, Place, cut};
 use super::sign_propagation::Signs;
 use crate::field::lattice::{Lattice, zeros};
 use crate::field::options::DensityError;
@@ -37,23 +37,24 @@ pub fn signed_distances(
         return Err(DensityError::EmptyMesh);
     }
     let bytes = 4 * lattice.len() as u64;
-    let mut values = zeros(lattice).ok_or(DensityError::Memory { bytes })?;
+    let mut values = zeros(lattice.shape()).ok_or(DensityError::Memory { bytes })?;
     let packets = PacketDistance::new(&bvh);
-    let mut blocks = cut(values.view_mut());
+    let (grid, region) = Grid::of(lattice);
+    let mut blocks = cut(values.view_mut(), region.first);
     monitor.begin("signed distance", blocks.len() as u64);
     let batch = blocks.len().div_ceil(2048);
     blocks.par_chunks_mut(batch).try_for_each(|batch| {
         let mut scratch = Scratch::default();
-        for (start, block) in batch.iter_mut() {
+        for (place, block) in batch.iter_mut() {
             if monitor.cancelled() {
                 return Err(DensityError::Cancelled);
             }
             let patch = Patch {
-                origin: bvh.normalized(lattice.position(*start)),
-                spacing: lattice.spacing() * bvh.scale(),
-                shape: block.dim().into(),
+                origin: bvh.normalized(grid.position(place.corner)),
+                spacing: grid.spacing * bvh.scale(),
+                shape: [BLOCK; 3],
             };
-            fill(&bvh, &packets, &patch, &mut scratch, block);
+            fill(&bvh, &packets, &patch, &mut scratch, (*place, block));
         }
         monitor.advance(batch.len() as u64);
         Ok(())
@@ -73,7 +74,7 @@ fn fill(
     packets: &PacketDistance<'_>,
     patch: &Patch,
     scratch: &mut Scratch,
-    block: &mut ArrayViewMut3<'_, f32>,
+    (place, block): (Place, &mut ArrayViewMut3<'_, f32>),
 ) {
     let Scratch {
         bricks,
@@ -99,10 +100,9 @@ fn fill(
     signs.propagate(bvh, patch, None, |_| false, distance);
     // A power of two: exact.
     let metres = (1.0 / bvh.scale()) as f32;
-    let lines = distance.chunks_exact(patch.shape[2]);
-    for (mut line, found) in block.rows_mut().into_iter().zip(lines) {
-        line.assign(&ArrayView1::from(found));
-        line *= metres;
+    let [x, y, z] = place.offset;
+    for ((i, j, k), value) in block.indexed_iter_mut() {
+        *value = distance[patch.flat([x + i, y + j, z + k])] * metres;
     }
 }
 

@@ -4,20 +4,19 @@
 //! suffices and cubics interpolate the rest. Where they vary more, next to the boundary and on the
 //! skeleton's sharp branches, the fine lattice is computed.
 
-use glam::DVec3;
 use ndarray::{Array3, Axis, s};
 use num_complex::Complex32;
 use rayon::prelude::*;
 
-use super::blocks::{Arrays, Block};
-use crate::field::lattice::{Lattice, zeros};
+use super::blocks::{Arrays, BLOCK, Block, Grid, Region};
+use crate::field::lattice::zeros;
 use crate::field::options::DensityError;
 
 /// Fine nodes per coarse node and axis.
 pub(super) const FINE: usize = 2;
 
-/// Coarse nodes by which they begin before the fine lattice: what cubics and their test read.
-const BEFORE: usize = 3;
+/// Coarse nodes before and behind those that are read, for fourth differences.
+const BESIDE: i64 = 2;
 
 /// Coarse nodes per axis that the interpolation of a block of eight fine nodes reads.
 const READ: usize = 7;
@@ -25,13 +24,14 @@ const READ: usize = 7;
 /// Nodes nearer to the boundary than this many coarse spacings are never interpolated between.
 const CLEAR: f32 = 2.0;
 
-/// Largest fourth difference between coarse nodes, of the root mean square density. Cubics are off
+/// Largest fourth difference between coarse nodes, of the density of a half-space. Cubics are off
 /// by a fortieth of it where the density is smooth, by 0.4 of it at the sharpest crease. It leaves
 /// a relative L2 error of 2e-4 to 4e-4, far less than what the fine lattice itself is off.
-const VARIATION: f64 = 0.4;
+const VARIATION: f32 = 0.35;
 
 /// The densities of the coarse lattice, which covers the fine one.
 pub(super) struct Upsampling {
+    region: Region,
     /// Of the side that the node is on.
     density: Array3<Complex32>,
     sides: Array3<Side>,
@@ -50,59 +50,62 @@ enum Side {
 pub(super) const BYTES: usize = 2 * size_of::<Complex32>() + size_of::<f32>();
 
 impl Upsampling {
-    /// The coarse lattice for a fine one of so many nodes.
-    pub(super) fn shape(fine: [usize; 3]) -> [usize; 3] {
-        // To the last node that the last block reads, and as far beyond as before.
-        fine.map(|n| 4 * n.div_ceil(8) + READ - 4 + 2 * (BEFORE - 1))
+    /// The coarse nodes for fine ones in whole blocks.
+    pub(super) fn region(fine: &Region) -> Region {
+        let half = |n: i64| n / FINE as i64;
+        let first = fine.first.map(|n| half(n) - 1 - BESIDE);
+        let last = (fine.last()).map(|n| half(n + 1 - BLOCK as i64) - 1 + READ as i64 - 1 + BESIDE);
+        Region::between(first, last).in_blocks()
     }
 
-    /// Computes the coarse densities with `sample`, which fills the values of a lattice at its
-    /// nodes; distances at the nodes of `lattice` go to `distance`. The fine lattice has `fine`
-    /// nodes from `margin` of them before those of `lattice` on, a multiple of [`FINE`].
+    /// Computes the coarse densities for fine nodes with `sample`, which fills values at the nodes of
+    /// `coarse` from one on; distances at `nodes`, which lie among them, go to `distance`. `typical`
+    /// is a density of that kernel.
     pub(super) fn new(
-        lattice: &Lattice,
-        margin: usize,
-        fine: [usize; 3],
-        distance: &mut ndarray::ArrayViewMut3<'_, f32>,
-        sample: impl FnOnce(&Lattice, Arrays<'_>) -> Result<(), DensityError>,
+        coarse: &Grid,
+        fine: &Region,
+        (nodes, distance): (&Region, &mut ndarray::ArrayViewMut3<'_, f32>),
+        typical: f32,
+        sample: impl FnOnce([i64; 3], Arrays<'_>) -> Result<(), DensityError>,
     ) -> Result<Self, DensityError> {
-        let (h, before) = (lattice.spacing(), BEFORE + margin / FINE);
-        let shape = Self::shape(fine);
+        let region = Self::region(fine);
         let memory = || DensityError::Memory {
-            bytes: shape
-                .iter()
-                .fold(BYTES as u64, |b, n| b.saturating_mul(*n as u64)),
+            bytes: region.len().saturating_mul(BYTES as u64),
         };
-        // The coarse lattice and its arrays.
-        let origin = lattice.origin() - DVec3::splat(before as f64 * h);
-        let coarse = Lattice::new(origin, h, shape).map_err(|_| memory())?;
-        let mut exterior: Array3<Complex32> = zeros(&coarse).ok_or_else(memory)?;
-        let mut interior = zeros(&coarse).ok_or_else(memory)?;
-        let mut signed = zeros(&coarse).ok_or_else(memory)?;
+        // The coarse nodes' arrays.
+        let mut exterior: Array3<Complex32> = zeros(region.shape).ok_or_else(memory)?;
+        let mut interior = zeros(region.shape).ok_or_else(memory)?;
+        let mut signed = zeros(region.shape).ok_or_else(memory)?;
         let arrays = Arrays {
             exterior: exterior.view_mut(),
             interior: interior.view_mut(),
             signed_distance: signed.view_mut(),
         };
-        // Values at its nodes.
-        sample(&coarse, arrays)?;
+        // Their values.
+        sample(region.first, arrays)?;
         exterior += &interior;
-        // Distances of the nodes of `lattice`, and where interpolation is safe.
-        let (nx, ny, nz) = distance.dim();
-        let own = |n| before..before + n;
-        distance.assign(&signed.slice(s![own(nx), own(ny), own(nz)]));
-        let sides = classify_nodes(&exterior, &signed, CLEAR * h as f32);
+        // Distances where they are asked for, and where interpolation is safe.
+        let own = |axis: usize| {
+            let first = (nodes.first[axis] - region.first[axis]) as usize;
+            first..first + nodes.shape[axis]
+        };
+        distance.assign(&signed.slice(s![own(0), own(1), own(2)]));
+        let clear = CLEAR * coarse.spacing as f32;
+        let sides = classify_nodes(&exterior, &signed, clear, VARIATION * typical);
         Ok(Self {
+            region,
             density: exterior,
             sides,
         })
     }
 
-    /// Fills a block of fine nodes, `start` from the first, if all that is read for it is smooth;
-    /// false if not.
-    pub(super) fn fill(&self, start: [usize; 3], block: &mut Block<'_>) -> bool {
+    /// Fills a whole block of fine nodes, if all that is read for it is smooth; false if not.
+    pub(super) fn fill(&self, block: &mut Block<'_>) -> bool {
         // The node before the block's first.
-        let first = start.map(|f| f / FINE + BEFORE - 1);
+        let corner = block.place.corner;
+        let first: [usize; 3] = std::array::from_fn(|axis| {
+            (corner[axis] / FINE as i64 - 1 - self.region.first[axis]) as usize
+        });
         let [x, y, z] = first.map(|n| n..n + READ);
         // All nodes that are read must be smooth and on one side.
         let sides = self.sides.slice(s![x.clone(), y.clone(), z.clone()]);
@@ -151,20 +154,15 @@ fn upsample(coarse: impl Fn(usize) -> Complex32) -> [Complex32; 8] {
     })
 }
 
-/// Which nodes are clear of the boundary by `clear` and have densities that vary little.
-fn classify_nodes(density: &Array3<Complex32>, signed: &Array3<f32>, clear: f32) -> Array3<Side> {
-    let squares = |plane: ndarray::ArrayView2<'_, Complex32>| -> [f64; 2] {
-        plane.iter().fold([0.0; 2], |[sum, count], v| {
-            let square = f64::from(v.norm_sqr());
-            [sum + square, count + f64::from(u8::from(square > 0.0))]
-        })
-    };
-    let planes: Vec<_> = density.outer_iter().into_par_iter().map(squares).collect();
-    let [sum, count] = planes
-        .iter()
-        .fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
-    let most = VARIATION * (sum / count.max(1.0)).sqrt();
-    let most = (most * most) as f32;
+/// Which nodes are clear of the boundary by `clear` and have densities whose fourth difference is
+/// `most` at most.
+fn classify_nodes(
+    density: &Array3<Complex32>,
+    signed: &Array3<f32>,
+    clear: f32,
+    most: f32,
+) -> Array3<Side> {
+    let most = most * most;
     let mut sides = Array3::from_elem(density.dim(), Side::Rough);
     let planes = sides.axis_iter_mut(Axis(0)).into_par_iter().enumerate();
     planes.for_each(|(x, mut plane)| {

@@ -159,8 +159,9 @@ fn run(scene: &Scene) -> Outcome<String> {
     let setup = PairSetup::new(fixed, moving);
     let right = match &scene.task {
         Task::Score => {
-            let pair = setup.load(&Silent)?;
-            let source = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
+            let pairs = setup.load_at(&[Pose::IDENTITY], &Silent)?;
+            let (pair, _) = pairs.first().ok_or("no pair")?;
+            let source = DirectEvaluator::new(pair, &DirectOptions::FULL)?;
             let response = source.evaluate(&Pose::IDENTITY, &mut source.scratch());
             eprintln!("{:e} J", response.energy);
             "-"

@@ -195,7 +195,7 @@ impl DirectEvaluator {
         validate(options)?;
         let sides = [(Side::Fixed, pair.fixed()), (Side::Moving, pair.moving())];
         for (side, field) in sides {
-            check(side, field)?;
+            check(side, field, pair.partial() == Some(side))?;
         }
         match pair.contact() {
             Some(contact) => Self::of_smoothed(pair, contact, options),
@@ -401,7 +401,8 @@ fn validate(options: &DirectOptions) -> Result<(), DirectError> {
     Ok(())
 }
 
-fn check(side: Side, field: &DensityField) -> Result<(), DirectError> {
+/// Refuses what is not finite, and a whole part without interior.
+fn check(side: Side, field: &DensityField, partial: bool) -> Result<(), DirectError> {
     for array in [&field.exterior, &field.interior] {
         for (index, &found) in array.indexed_iter() {
             if !(found.re.is_finite() && found.im.is_finite()) {
@@ -410,7 +411,7 @@ fn check(side: Side, field: &DensityField) -> Result<(), DirectError> {
             }
         }
     }
-    if field.interior.iter().all(|v| v.norm_sqr() == 0.0) {
+    if !partial && field.interior.iter().all(|v| v.norm_sqr() == 0.0) {
         return Err(DirectError::Empty {
             side,
             spacing: field.lattice().spacing(),

@@ -336,34 +336,49 @@ impl<'a> Docking<'a> {
         monitor: &dyn Monitor,
     ) -> Result<(Vec<PoseEnergies>, f64), DockingError> {
         let setup = self.setup;
-        let mut plan = setup.plan()?;
-        let mut wider = ENERGY_SPACING * plan.spacing();
-        while setup.builder.spacing.is_none() {
+        let parts = [&*setup.fixed, &*setup.moving];
+        let poses: Vec<Pose> = held.iter().map(|h| h.pose).collect();
+        // Only what poses reach is computed: that decides about memory, not the parts' boxes.
+        let unlimited = |spacing: Option<f64>| {
             let builder = PairBuilder {
-                spacing: Some(wider),
+                spacing,
+                memory_limit: None,
                 ..setup.builder
             };
-            plan = builder.plan(&setup.fixed, &setup.moving, &setup.model)?;
-            if plan.bytes <= ENERGY_BYTES {
+            builder.plan(&setup.fixed, &setup.moving, &setup.model)
+        };
+        let mut plan = unlimited(setup.builder.spacing)?;
+        let mut wider = ENERGY_SPACING * plan.spacing();
+        while setup.builder.spacing.is_none() {
+            plan = unlimited(Some(wider))?;
+            if plan.bytes_at(parts, &poses) <= ENERGY_BYTES {
                 break;
             }
             wider *= 1.5;
         }
-        let pair = plan.build(&setup.fixed, &setup.moving, setup.cache.as_ref(), monitor)?;
-        let pair = pair.with_gamma(setup.gamma()?)?;
-        let weighed = with_docking_weights(&pair, self.search_options().ratio)?;
-        let own = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
-        let docking = DirectEvaluator::new(&weighed, &DirectOptions::FULL)?;
-        let perfect = pair.model().gamma * pair.mould_score();
-        let of = |h: &HeldPose| {
-            let model = own.evaluate_full(&h.pose).response.energy;
-            PoseEnergies {
-                docking: docking.evaluate_full(&h.pose).response.energy,
-                model,
-                quality: (-model / perfect).clamp(0.0, 1.0),
+        plan.require_bytes(plan.bytes_at(parts, &poses), setup.builder.memory_limit)?;
+        let gamma = setup.gamma()?;
+        let mut found = vec![PoseEnergies::NONE; held.len()];
+        for (pair, indices) in plan.build_at(parts, &poses, setup.cache.as_ref(), monitor)? {
+            let pair = pair.with_gamma(gamma)?;
+            let weighed = with_docking_weights(&pair, self.search_options().ratio)?;
+            let own = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
+            let docking = DirectEvaluator::new(&weighed, &DirectOptions::FULL)?;
+            let perfect = gamma * pair.mould_score();
+            let of = |i: &usize| {
+                let model = own.evaluate_full(&poses[*i]).response.energy;
+                PoseEnergies {
+                    docking: docking.evaluate_full(&poses[*i]).response.energy,
+                    model,
+                    quality: (-model / perfect).clamp(0.0, 1.0),
+                }
+            };
+            let energies: Vec<PoseEnergies> = indices.par_iter().map(of).collect();
+            for (i, energies) in indices.into_iter().zip(energies) {
+                found[i] = energies;
             }
-        };
-        Ok((held.par_iter().map(of).collect(), plan.spacing()))
+        }
+        Ok((found, plan.spacing()))
     }
 
     /// Poses of the lowest energy. A state file keeps the scores of a cancelled run.

@@ -14,7 +14,7 @@ use sdf_grid::{
 use crate::pair::contact::{Contact, Smoothing, jump};
 use crate::pair::fields::{Pair, PairError};
 use crate::pair::interpolation::Interpolation;
-use crate::pair::model::{PairRecipe, ScoreModel};
+use crate::pair::model::{PairRecipe, ScoreModel, Side};
 
 /// Lattice nodes of both parts together that [`default_spacing`] does not exceed.
 const DEFAULT_NODES: f64 = 6e6;
@@ -251,14 +251,8 @@ impl PairBuilder {
         // One field after the other.
         let working = lattices.map(|(lattice, s)| DensityField::working_bytes(lattice, s));
         let needed = kept.saturating_add(working[0].max(working[1]));
-        match self.memory_limit {
-            Some(limit) if needed > limit => Err(PairBuildError::Memory {
-                needed,
-                limit,
-                spacing,
-            }),
-            _ => Ok(kept),
-        }
+        require_bytes(needed, self.memory_limit, spacing)?;
+        Ok(kept)
     }
 
     /// Plans and computes the pair.
@@ -274,6 +268,18 @@ impl PairBuilder {
     ) -> Result<Pair, PairBuildError> {
         let plan = self.plan(fixed, moving, model)?;
         plan.build(fixed, moving, None, monitor)
+    }
+}
+
+/// Refuses fields on a lattice of `spacing` metres that need more bytes than are allowed.
+fn require_bytes(needed: u64, limit: Option<u64>, spacing: f64) -> Result<(), PairBuildError> {
+    match limit {
+        Some(limit) if needed > limit => Err(PairBuildError::Memory {
+            needed,
+            limit,
+            spacing,
+        }),
+        _ => Ok(()),
     }
 }
 
@@ -313,6 +319,15 @@ impl PairPlan {
     /// The lattice spacing of both parts, metres.
     pub fn spacing(&self) -> f64 {
         self.fixed_lattice.spacing()
+    }
+
+    /// Refuses what needs more bytes than are allowed.
+    pub(crate) fn require_bytes(
+        &self,
+        needed: u64,
+        limit: Option<u64>,
+    ) -> Result<(), PairBuildError> {
+        require_bytes(needed, limit, self.spacing())
     }
 
     /// How far smoothing spreads a density, metres.
@@ -359,26 +374,63 @@ impl PairPlan {
         cache: Option<&FieldCache>,
         monitor: &dyn Monitor,
     ) -> Result<Pair, PairBuildError> {
-        let field = |part, mesh, lattice, options| {
-            match cache {
-                Some(cache) => cache.get_or_compute(mesh, &self.kernel, lattice, options, monitor),
-                None => DensityField::compute(mesh, &self.kernel, lattice, options, monitor),
-            }
-            .map(Arc::new)
-            .map_err(|source| PairBuildError::Density { part, source })
-        };
-        let contact = match &self.smoothing {
-            Some(smoothing) => {
-                let jump = jump(&self.model)?;
-                Some(Contact::new(fixed, moving, smoothing, jump)?)
-            }
-            None => None,
-        };
-        let fixed = field("fixed", fixed, &self.fixed_lattice, &self.density)?;
-        let of_moving = self.density_of_moving();
-        let moving = field("moving", moving, &self.moving_lattice, &of_moving)?;
+        let contact = self.contact([fixed, moving], None)?;
+        let fixed = self.fixed_field(fixed, cache, monitor)?;
+        let moving = self.moving_field(moving, cache, monitor)?;
         let pair = Pair::from_fields(fixed, moving, self.model, self.pivot, contact)?;
         Ok(pair.cached_in(cache.cloned()))
+    }
+
+    /// What smoothing takes from the score, if densities are smoothed; only for poses at which the other
+    /// part lies in a box of one part's frame (metres), if one is given.
+    pub(super) fn contact(
+        &self,
+        parts: [&TriangleMesh; 2],
+        region: Option<(Side, Aabb)>,
+    ) -> Result<Option<Contact>, PairBuildError> {
+        let Some(smoothing) = &self.smoothing else {
+            return Ok(None);
+        };
+        let jump = jump(&self.model)?;
+        Ok(Some(Contact::within(parts, smoothing, jump, region)?))
+    }
+
+    /// The fixed part's density on its lattice.
+    pub(super) fn fixed_field(
+        &self,
+        mesh: &TriangleMesh,
+        cache: Option<&FieldCache>,
+        monitor: &dyn Monitor,
+    ) -> Result<Arc<DensityField>, PairBuildError> {
+        let place = (&self.fixed_lattice, &self.density);
+        self.field("fixed", mesh, place, cache, monitor)
+    }
+
+    /// The moving part's density on its lattice.
+    pub(super) fn moving_field(
+        &self,
+        mesh: &TriangleMesh,
+        cache: Option<&FieldCache>,
+        monitor: &dyn Monitor,
+    ) -> Result<Arc<DensityField>, PairBuildError> {
+        let place = (&self.moving_lattice, &self.density_of_moving());
+        self.field("moving", mesh, place, cache, monitor)
+    }
+
+    fn field(
+        &self,
+        part: &'static str,
+        mesh: &TriangleMesh,
+        (lattice, options): (&Lattice, &DensityOptions),
+        cache: Option<&FieldCache>,
+        monitor: &dyn Monitor,
+    ) -> Result<Arc<DensityField>, PairBuildError> {
+        match cache {
+            Some(cache) => cache.get_or_compute(mesh, &self.kernel, lattice, options, monitor),
+            None => DensityField::compute(mesh, &self.kernel, lattice, options, monitor),
+        }
+        .map(Arc::new)
+        .map_err(|source| PairBuildError::Density { part, source })
     }
 }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use sdf_grid::{
-    ContactError, ContactSum, DensityKernel, FieldRecipe, KernelError, Sampling, TriangleMesh,
+    Aabb, ContactError, ContactSum, DensityKernel, FieldRecipe, KernelError, Sampling, TriangleMesh,
 };
 
 use crate::geometry::se3::Pose;
@@ -135,6 +135,19 @@ impl Contact {
         smoothing: &Smoothing,
         jump: f64,
     ) -> Result<Self, ContactError> {
+        Self::within([fixed, moving], smoothing, jump, None)
+    }
+
+    /// The same, only for poses at which the other part lies in a box of one part's frame, metres.
+    ///
+    /// # Errors
+    /// As [`ContactSum::new`].
+    pub(crate) fn within(
+        [fixed, moving]: [&TriangleMesh; 2],
+        smoothing: &Smoothing,
+        jump: f64,
+        region: Option<(Side, Aabb)>,
+    ) -> Result<Self, ContactError> {
         let sampled = match fixed.area() < moving.area() {
             true => Side::Fixed,
             false => Side::Moving,
@@ -143,7 +156,11 @@ impl Contact {
             Side::Fixed => (moving, fixed),
             Side::Moving => (fixed, moving),
         };
-        let sum = ContactSum::new(surface, samples, smoothing.width(), smoothing.samples())?;
+        // A region of the part that is sampled says nothing about the other.
+        let region = region.filter(|(side, _)| *side != sampled);
+        let region = region.as_ref().map(|(_, region)| region);
+        let lengths = [smoothing.width(), smoothing.samples()];
+        let sum = ContactSum::within(surface, samples, lengths, region)?;
         Ok(Self {
             sum: Arc::new(sum),
             parts: [fixed, moving].map(|part| Arc::new(part.clone())),

@@ -26,6 +26,8 @@ pub struct Pair {
     model: ScoreModel,
     pivot: DVec3,
     contact: Option<Contact>,
+    /// The part of whose density only some is there, which may hold no interior.
+    partial: Option<Side>,
     /// Where its fields came from, and where those of coarser lattices are looked for.
     cache: Option<FieldCache>,
 }
@@ -121,6 +123,7 @@ impl Pair {
             model,
             pivot,
             contact,
+            partial: None,
             cache: None,
         })
     }
@@ -128,6 +131,19 @@ impl Pair {
     /// The same, with a cache for its fields on coarser lattices.
     pub(crate) fn cached_in(self, cache: Option<FieldCache>) -> Self {
         Self { cache, ..self }
+    }
+
+    /// The same, of whose one part only some of the density is there.
+    pub(crate) fn of_a_part(self, side: Side) -> Self {
+        Self {
+            partial: Some(side),
+            ..self
+        }
+    }
+
+    /// The part of whose density only some is there.
+    pub(crate) fn partial(&self) -> Option<Side> {
+        self.partial
     }
 
     pub(crate) fn cache(&self) -> Option<&FieldCache> {
@@ -193,7 +209,11 @@ impl Pair {
             Some(contact) => Some(contact.with_jump(jump(&model)?)),
             None => None,
         };
-        Self::from_fields(fixed, moving, model, self.pivot, contact)
+        let pair = Self::from_fields(fixed, moving, model, self.pivot, contact)?;
+        Ok(Self {
+            partial: self.partial,
+            ..pair
+        })
     }
 
     /// Adds what contact gives to the smooth part of the score that a correlator wrote for `rotation`
@@ -229,7 +249,11 @@ impl Pair {
     /// What the smaller part would score in a perfect mould of itself, cubic metres: the scale on which
     /// the score of a fit is good or poor ([`DensityField::mould_score`]).
     pub fn mould_score(&self) -> f64 {
-        let smaller = self.fixed.mould_score().min(self.moving.mould_score());
+        let of = |side: Side| self.part(side).mould_score();
+        let smaller = match self.partial {
+            Some(larger) => of(larger.other()),
+            None => of(Side::Fixed).min(of(Side::Moving)),
+        };
         self.model.lambda_exterior * self.model.lambda_interior * smaller
     }
 

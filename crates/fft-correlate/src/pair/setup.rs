@@ -123,6 +123,34 @@ impl PairSetup {
             .with_gamma(self.gamma()?)
             .map_err(PairBuildError::from)?)
     }
+
+    /// The pair as far as some poses of the moving part reach: of the larger part the density is
+    /// computed only where the smaller one gets. Energies and wrenches at these poses are those of the
+    /// whole pair ([`PairSetup::load`]); at others they are not. Poses that lie far apart get pairs of
+    /// their own; each comes with the indices of its poses.
+    ///
+    /// # Errors
+    /// As [`PairSetup::load`]; the memory limit is for what is computed.
+    pub fn load_at(
+        &self,
+        poses: &[Pose],
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<(Pair, Vec<usize>)>, PairSetupError> {
+        let unlimited = PairBuilder {
+            memory_limit: None,
+            ..self.builder
+        };
+        let parts = [&*self.fixed, &*self.moving];
+        let plan = unlimited.plan(parts[0], parts[1], &self.model)?;
+        plan.require_bytes(plan.bytes_at(parts, poses), self.builder.memory_limit)?;
+        let gamma = self.gamma()?;
+        let scaled = |(pair, indices): (Pair, Vec<usize>)| {
+            let pair = pair.with_gamma(gamma).map_err(PairBuildError::from)?;
+            Ok((pair, indices))
+        };
+        let pairs = plan.build_at(parts, poses, self.cache.as_ref(), monitor)?;
+        pairs.into_iter().map(scaled).collect()
+    }
 }
 
 /// What fixes the energy scale gamma of a pair: the shapes and the model alone, never where the parts

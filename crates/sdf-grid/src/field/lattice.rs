@@ -107,6 +107,20 @@ impl Lattice {
         )
     }
 
+    /// The part of it whose nodes lie in a box (metres); of a box beside it, or so thin that it holds no
+    /// node, the nearest nodes.
+    pub fn clipped(&self, to: &Aabb) -> Self {
+        let last = UVec3::from_array(self.shape.map(|s| s as u32 - 1)).as_dvec3();
+        let index = |p: DVec3| self.fractional_index(p).clamp(DVec3::ZERO, last);
+        let first = (index(to.min) - 1e-9).ceil().max(DVec3::ZERO);
+        let end = (index(to.max) + 1e-9).floor().min(last).max(first);
+        Self {
+            origin: (self.origin() + self.spacing * first).to_array(),
+            spacing: self.spacing,
+            shape: (end - first).to_array().map(|n| n as usize + 1),
+        }
+    }
+
     /// Position of node `[0, 0, 0]`, metres.
     pub fn origin(&self) -> DVec3 {
         DVec3::from_array(self.origin)

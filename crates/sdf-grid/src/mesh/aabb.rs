@@ -55,6 +55,16 @@ impl Aabb {
         }
     }
 
+    /// What both boxes share; if that is nothing, the point or side of this one that is nearest to the
+    /// other.
+    #[must_use]
+    pub fn clipped(&self, to: &Self) -> Self {
+        Self {
+            min: self.min.max(to.min).min(self.max),
+            max: self.max.min(to.max).max(self.min),
+        }
+    }
+
     /// The box moved outwards by `margin` metres on every side.
     #[must_use]
     pub fn grown(&self, margin: f64) -> Self {

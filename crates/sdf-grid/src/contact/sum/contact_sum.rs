@@ -16,6 +16,7 @@ use super::sampling::sample_surface;
 use crate::contact::error::ContactError;
 use crate::contact::samples::FLAT;
 use crate::dispatch_lanes;
+use crate::mesh::aabb::Aabb;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::support::level;
 use crate::surface::bvh::build::Leaves;
@@ -60,6 +61,21 @@ impl ContactSum {
         width: f64,
         distance: f64,
     ) -> Result<Self, ContactError> {
+        Self::within(surface, sampled, [width, distance], None)
+    }
+
+    /// The same, prepared only for poses at which the sampled part lies in a box of the surface's frame
+    /// (metres), if one is given: memory is that of the surface near the box. At other poses the sum
+    /// lacks what lies outside.
+    ///
+    /// # Errors
+    /// As [`ContactSum::new`].
+    pub fn within(
+        surface: &TriangleMesh,
+        sampled: &TriangleMesh,
+        [width, distance]: [f64; 2],
+        region: Option<&Aabb>,
+    ) -> Result<Self, ContactError> {
         if !(width.is_finite() && width > 0.0) {
             return Err(ContactError::Width { found: width });
         }
@@ -70,7 +86,7 @@ impl ContactSum {
         let bvh = Bvh::merged(surface, EXACT, Leaves::Small);
         let regions = Regions::new(surface, flat(surface), reach)?;
         Ok(Self {
-            visible: VisiblePatches::new(surface, &regions, [reach, clusters.radius])?,
+            visible: VisiblePatches::new(surface, &regions, [reach, clusters.radius], region)?,
             distance_bound: DistanceBound::new(surface, &bvh, reach),
             clusters,
             reach,

@@ -419,7 +419,7 @@ pub(super) struct VisiblePatches {
 
 impl VisiblePatches {
     /// Lists, for each cell, the patches within `reach` (metres) of spheres of `radius` (metres)
-    /// around places in it.
+    /// around places in it; only for places in a region, if there is one.
     ///
     /// # Errors
     /// If the lists would pass 2^26 entries.
@@ -427,9 +427,11 @@ impl VisiblePatches {
         mesh: &TriangleMesh,
         regions: &Regions,
         [reach, radius]: [f64; 2],
+        region: Option<&Aabb>,
     ) -> Result<Self, ContactError> {
         // A grid over all places in reach.
         let all = mesh.bounds().grown(reach + radius);
+        let all = region.map_or(all, |region| all.clipped(region));
         let wanted = CELL * reach;
         let count = (all.size() / wanted).element_product();
         let cell = wanted * (count / MOST_CELLS).cbrt().max(1.0);
@@ -529,9 +531,16 @@ impl VisiblePatches {
 
     fn cells_in(&self, bounds: &Aabb) -> impl Iterator<Item = usize> + use<> {
         let grid = self.grid;
+        // The range is that of the nearest cells where the box lies beside the grid.
+        let shape = DVec3::from_array(grid.shape.map(|n| n as f64));
+        let whole = Aabb {
+            min: grid.low,
+            max: grid.low + grid.edge * shape,
+        };
+        let beside = !whole.overlaps(bounds);
         let [xs, ys, zs] = grid
             .range(bounds.min, bounds.max)
-            .map(|[from, to]| from..=to);
+            .map(|[from, to]| from..if beside { from } else { to + 1 });
         xs.flat_map(move |x| {
             let zs = zs.clone();
             ys.clone()

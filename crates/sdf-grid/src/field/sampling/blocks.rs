@@ -132,6 +132,9 @@ pub(super) struct Region {
 /// Nodes farther from the frame's origin than this many spacings are counted from the lattice's own.
 const FARTHEST: f64 = 1e12;
 
+/// Origins that differ by less than this many spacings are the same.
+const ROUNDING: f64 = 1e-6;
+
 impl Grid {
     /// The grid of a lattice, and which nodes the lattice has. That of [`Lattice::covering`] depends on
     /// the spacing alone.
@@ -143,7 +146,13 @@ impl Grid {
         } else {
             DVec3::ZERO
         };
+        // Rounding of the origin counts for nothing, so that lattices cut from one are of its grid.
         let rest = lattice.origin() - (count + 0.5) * spacing;
+        let rest = if rest.abs().max_element() < ROUNDING * spacing {
+            DVec3::ZERO
+        } else {
+            rest
+        };
         let grid = Self {
             zero: 0.5 * spacing + rest,
             spacing,

@@ -1,0 +1,219 @@
+//! The nodes that given poses of the moving part reach: of a large part beside a small one, few.
+
+use sdf_grid::{Aabb, FieldCache, Lattice, Monitor, TriangleMesh};
+
+use super::builder::{PairBuildError, PairPlan};
+use super::fields::Pair;
+use crate::geometry::se3::Pose;
+use crate::pair::model::Side;
+
+/// Nodes beyond those that the other part's cells lie between, which interpolation reads.
+const MARGIN: f64 = 2.5;
+
+/// Poses are reached together if that needs at most so many times the nodes that each needs by itself.
+const TOGETHER: f64 = 1.5;
+
+/// Boxes of poses, at most: beyond, all are reached together.
+const MOST_GROUPS: usize = 16;
+
+impl PairPlan {
+    /// The larger part, of which only what is in reach is computed.
+    fn larger(fixed: &TriangleMesh, moving: &TriangleMesh) -> Side {
+        let size = |part: &TriangleMesh| part.bounds().size().element_product();
+        match size(moving) > size(fixed) {
+            true => Side::Moving,
+            false => Side::Fixed,
+        }
+    }
+
+    /// Where the smaller part's lattice lies at a pose, in the larger part's frame, metres.
+    fn reached(&self, larger: Side, pose: &Pose) -> Aabb {
+        let (lattice, to) = match larger {
+            Side::Fixed => (&self.moving_lattice, *pose),
+            Side::Moving => (&self.fixed_lattice, pose.inverse()),
+        };
+        let bounds = lattice.node_bounds();
+        let corner = |i: usize| {
+            let side = |k: usize| {
+                if i >> k & 1 == 1 {
+                    bounds.max[k]
+                } else {
+                    bounds.min[k]
+                }
+            };
+            to.apply([side(0), side(1), side(2)].into())
+        };
+        Aabb::around((0..8).map(corner)).grown(MARGIN * self.spacing())
+    }
+
+    /// The plan whose lattice of the larger part ends where poses no longer reach: energies there are
+    /// those of the whole pair.
+    fn within(&self, larger: Side, reached: &Aabb) -> Self {
+        let mut plan = self.clone();
+        let lattice: &mut Lattice = match larger {
+            Side::Fixed => &mut plan.fixed_lattice,
+            Side::Moving => &mut plan.moving_lattice,
+        };
+        *lattice = lattice.clipped(reached);
+        plan
+    }
+
+    /// Pairs for groups of poses, of the larger part only what these reach: energies and wrenches at
+    /// these poses are those of the whole pair, elsewhere they are not. Each with the indices of its
+    /// poses.
+    ///
+    /// # Errors
+    /// As [`PairPlan::build`].
+    pub(crate) fn build_at(
+        &self,
+        [fixed, moving]: [&TriangleMesh; 2],
+        poses: &[Pose],
+        cache: Option<&FieldCache>,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<(Pair, Vec<usize>)>, PairBuildError> {
+        let larger = Self::larger(fixed, moving);
+        let groups = self.grouped(larger, poses);
+        let smaller = match larger {
+            Side::Fixed => self.moving_field(moving, cache, monitor)?,
+            Side::Moving => self.fixed_field(fixed, cache, monitor)?,
+        };
+        let build = |(reached, indices): (Aabb, Vec<usize>)| {
+            let plan = self.within(larger, &reached);
+            let contact = self.contact([fixed, moving], Some((larger, reached)))?;
+            let [fixed, moving] = match larger {
+                Side::Fixed => [plan.fixed_field(fixed, cache, monitor)?, smaller.clone()],
+                Side::Moving => [smaller.clone(), plan.moving_field(moving, cache, monitor)?],
+            };
+            let pair = Pair::from_fields(fixed, moving, self.model, self.pivot, contact)?;
+            Ok((pair.of_a_part(larger), indices))
+        };
+        groups.into_iter().map(build).collect()
+    }
+
+    /// Boxes that hold what poses reach, near ones together, and their poses.
+    fn grouped(&self, larger: Side, poses: &[Pose]) -> Vec<(Aabb, Vec<usize>)> {
+        let size = |a: &Aabb| a.size().element_product();
+        let mut groups: Vec<(Aabb, Vec<usize>)> = Vec::new();
+        for (index, pose) in poses.iter().enumerate() {
+            let mut group = (self.reached(larger, pose), vec![index]);
+            // With every group that is near, until none is.
+            while let Some(near) = groups.iter().position(|(other, _)| {
+                let both = group.0.union(other);
+                size(&both) <= TOGETHER * (size(&group.0) + size(other))
+            }) {
+                let (other, indices) = groups.swap_remove(near);
+                group = (group.0.union(&other), [indices, group.1].concat());
+            }
+            groups.push(group);
+        }
+        if groups.len() > MOST_GROUPS {
+            let all = groups.iter().map(|g| g.0).reduce(|a, b| a.union(&b));
+            groups = all
+                .map(|a| (a, (0..poses.len()).collect()))
+                .into_iter()
+                .collect();
+        }
+        groups
+    }
+
+    /// Bytes of fields that poses reach, at most at a time.
+    pub(crate) fn bytes_at(&self, parts: [&TriangleMesh; 2], poses: &[Pose]) -> u64 {
+        let larger = Self::larger(parts[0], parts[1]);
+        let groups = self.grouped(larger, poses);
+        let bytes = groups.iter().map(|(reached, _)| {
+            let plan = self.within(larger, reached);
+            let of = sdf_grid::DensityField::memory_bytes;
+            of(&plan.fixed_lattice).saturating_add(of(&plan.moving_lattice))
+        });
+        bytes.max().unwrap_or(0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::{DQuat, DVec3};
+    use rand::rngs::SmallRng;
+    use rand::{Rng, SeedableRng};
+    use sdf_grid::shapes::{cuboid, prism};
+    use sdf_grid::{Silent, TriangleMesh};
+
+    use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
+    use crate::geometry::se3::Pose;
+    use crate::pair::setup::PairSetup;
+
+    /// A plate and a rod, turned anyhow.
+    fn parts() -> [Arc<TriangleMesh>; 2] {
+        let plate = cuboid(DVec3::new(0.16, 0.12, 0.012)).unwrap();
+        let outline = sdf_grid::shapes::construction::circle(0.006, 24);
+        let rod = prism(&outline, &[], 0.02).unwrap();
+        let turn = DQuat::from_scaled_axis(DVec3::new(0.3, -0.8, 0.4));
+        [plate, rod].map(|m| Arc::new(m.transformed(turn, DVec3::new(0.01, 0.02, -0.3))))
+    }
+
+    fn near(rng: &mut SmallRng, setup: &PairSetup, spread: f64) -> Pose {
+        let mut cube = || DVec3::from_array(std::array::from_fn(|_| rng.random_range(-1.0..1.0)));
+        let (turn, shift) = (DQuat::from_scaled_axis(2.0 * cube()), spread * cube());
+        let middle = setup.moving.bounds().center();
+        let at = setup.fixed.bounds().center() + shift;
+        Pose::new(turn, at - turn * middle)
+    }
+
+    /// Also where the smaller part is the one that stays, and where it is out of reach.
+    #[test]
+    fn energies_at_poses_are_those_of_the_whole_pair() {
+        let [plate, rod] = parts();
+        let mut rng = SmallRng::seed_from_u64(8);
+        for parts in [[&plate, &rod], [&rod, &plate]] {
+            let [fixed, moving] = parts.map(Clone::clone);
+            let mut setup = PairSetup::new(fixed, moving);
+            setup.builder.spacing = Some(1e-3);
+            let spread = [0.01, 0.01, 0.06, 0.06, 0.06, 0.4];
+            let poses = spread.map(|s| near(&mut rng, &setup, s));
+            let whole = setup.load(&Silent).unwrap();
+            let whole_source = DirectEvaluator::new(&whole, &DirectOptions::FULL).unwrap();
+            let expected = poses.map(|p| whole_source.evaluate_full(&p).response);
+            let scale =
+                |of: fn(&crate::Response) -> f64| expected.iter().map(of).fold(0.0, f64::max);
+            let energy_scale = scale(|r| r.energy.abs());
+            let force_scale = scale(|r| r.wrench.force.length());
+            let found = setup.load_at(&poses, &Silent).unwrap();
+            let mut all: Vec<usize> = Vec::new();
+            for (pair, indices) in &found {
+                let nodes = pair.fixed().lattice().len() + pair.moving().lattice().len();
+                assert!(nodes < whole.fixed().lattice().len() + whole.moving().lattice().len());
+                assert!((pair.mould_score() / whole.mould_score() - 1.0).abs() < 1e-12);
+                let source = DirectEvaluator::new(pair, &DirectOptions::FULL).unwrap();
+                for i in indices {
+                    let response = source.evaluate_full(&poses[*i]).response;
+                    let off = (response.energy - expected[*i].energy).abs();
+                    assert!(off < 1e-3 * energy_scale, "{i}: {off} of {energy_scale} J");
+                    let off = response.wrench.force.distance(expected[*i].wrench.force);
+                    assert!(off < 1e-2 * force_scale, "{i}: {off} of {force_scale} N");
+                    all.push(*i);
+                }
+            }
+            all.sort_unstable();
+            assert_eq!(all, (0..poses.len()).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn poses_that_are_far_apart_are_reached_apart() {
+        let [plate, rod] = parts();
+        let setup = PairSetup::new(plate, rod);
+        let plan = setup.plan().unwrap();
+        let parts = [&*setup.fixed, &*setup.moving];
+        let at = |x: f64| Pose::from_translation(DVec3::new(x, 0.0, 0.0));
+        let one = plan.bytes_at(parts, &[at(0.0)]);
+        let apart = plan.grouped(super::Side::Fixed, &[at(0.0), at(0.2), at(-0.2), at(1e-3)]);
+        let groups: Vec<&[usize]> = apart.iter().map(|g| g.1.as_slice()).collect();
+        assert_eq!(groups.len(), 3, "{groups:?}");
+        assert!(2 * one < plan.bytes, "{one} of {} bytes", plan.bytes);
+        // So many that they are reached together.
+        let many: Vec<Pose> = (-30..30).map(|k| at(0.05 * f64::from(k))).collect();
+        assert!(plan.bytes_at(parts, &many) > one);
+        assert_eq!(plan.bytes_at(parts, &[]), 0);
+    }
+}

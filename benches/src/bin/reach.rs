@@ -14,7 +14,7 @@ use fft_correlate::{
     DirectEvaluator, DirectOptions, Docking, DockingRequest, EnergySource, PairSetup, Pose,
 };
 use pegfit_benches::assemblies::modelled;
-use pegfit_benches::docking_cases::folder;
+use pegfit_benches::docking_cases::{Case, folder};
 use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome};
 use pegfit_fixtures::{RightPlaces, pin_in_perforated_plate, screw_in_large_plate};
@@ -117,10 +117,11 @@ fn scenes(wanted: &Wanted) -> Outcome<Vec<Scene>> {
                 true => "31 - 54 s",
                 false => "",
             };
+            let case = Case::assembled("parts", pair);
             all.push(Scene {
-                task: Task::Dock(there(&pair.moving)),
-                parts: [pair.fixed, pair.moving],
-                name: pair.name,
+                task: Task::Dock(case.right),
+                parts: case.parts,
+                name: case.name,
                 before,
             });
         }

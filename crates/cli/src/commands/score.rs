@@ -8,8 +8,8 @@ use std::sync::mpsc::{Receiver, sync_channel};
 use fft_correlate::{
     Condition, DirectEvaluator, DirectOptions, EnergyTable, Pair, Placement, Pose, Response,
 };
-use pegfit_scene::Scene;
 use pegfit_scene::poses::{PoseError, PoseReader, ScoredPose, append_score, score_header};
+use pegfit_scene::{Scene, SceneSetup};
 use rayon::prelude::*;
 use sdf_grid::atomic;
 
@@ -87,15 +87,18 @@ fn stream(
         (Err(e), Some(name)) => Err(CommandError::write(name.as_ref(), e)),
         (Err(_), None) => Ok(false),
     };
-    if !write(&score_header(scorer.condition.is_some()))? {
+    if !write(&score_header(scorer.condition))? {
         return Ok(());
     }
+    let mut first = 0;
     for chunk in poses {
         check_interrupt()?;
-        let pieces: Vec<String> = chunk?
-            .par_chunks(scorer.piece())
-            .map(|piece| scorer.rows(piece))
+        let (chunk, size) = (chunk?, scorer.piece());
+        let pieces = chunk.par_chunks(size).enumerate();
+        let pieces: Vec<String> = pieces
+            .map(|(i, piece)| scorer.rows(first + i * size, piece))
             .collect();
+        first += chunk.len();
         for text in pieces {
             if !write(&text)? {
                 return Ok(());
@@ -114,12 +117,34 @@ struct Scorer {
     source: Source,
     /// Poses are those of the scene that puts the shapes there.
     placement: Placement,
-    condition: Option<Pair>,
+    /// Whether condition numbers are asked for.
+    condition: bool,
 }
 
 enum Source {
-    Direct(Box<DirectEvaluator>),
+    Direct(DirectSources),
     Table(Box<EnergyTable>),
+}
+
+/// Evaluators, with their pairs where condition numbers are asked for.
+struct DirectSources {
+    sources: Vec<(DirectEvaluator, Option<Pair>)>,
+    /// Which of them answers each pose, in the order of the poses; the only one if empty.
+    of_pose: Vec<usize>,
+}
+
+impl DirectSources {
+    fn one(evaluator: DirectEvaluator, pair: Option<Pair>) -> Self {
+        Self {
+            sources: vec![(evaluator, pair)],
+            of_pose: Vec::new(),
+        }
+    }
+
+    /// The source of the pose with an index.
+    fn of(&self, index: usize) -> &(DirectEvaluator, Option<Pair>) {
+        &self.sources[self.of_pose.get(index).copied().unwrap_or(0)]
+    }
 }
 
 impl Scorer {
@@ -131,12 +156,13 @@ impl Scorer {
                 if let Some(tolerance) = args.tolerance {
                     return Self::tolerant(args, scene, (poses, tolerance), context);
                 }
-                let assembly = scenes::load(scene, context)?;
-                let evaluator = assembly.direct(&DirectOptions::FULL)?;
+                let setup = scenes::setup(scene, context)?;
+                let placement = *setup.placement();
+                let shapes: Vec<Pose> = poses.iter().map(|p| placement.to_shapes(p)).collect();
                 Ok(Self {
-                    source: Source::Direct(Box::new(evaluator)),
-                    placement: *assembly.placement(),
-                    condition: args.condition.then_some(assembly.pair),
+                    source: Source::Direct(direct(&setup, &shapes, args.condition, context)?),
+                    placement,
+                    condition: args.condition,
                 })
             }
             (None, Some(table)) => {
@@ -144,7 +170,7 @@ impl Scorer {
                 Ok(Self {
                     placement: table.spec().placement,
                     source: Source::Table(Box::new(table)),
-                    condition: None,
+                    condition: false,
                 })
             }
             (None, None) => refuse("--scene, --table", "one of them", "none"),
@@ -167,10 +193,11 @@ impl Scorer {
             100.0 * found.error,
             1e3 * found.reference_spacing
         ));
+        let pair = args.condition.then_some(found.pair);
         Ok(Self {
-            source: Source::Direct(Box::new(found.evaluator)),
+            source: Source::Direct(DirectSources::one(found.evaluator, pair)),
             placement,
-            condition: args.condition.then_some(found.pair),
+            condition: args.condition,
         })
     }
 
@@ -182,12 +209,12 @@ impl Scorer {
         }
     }
 
-    /// Poses and their scores as rows of text.
-    fn rows(&self, poses: &[Pose]) -> String {
+    /// Poses, the first of which has an index, and their scores as rows of text.
+    fn rows(&self, first: usize, poses: &[Pose]) -> String {
         let mut text = String::with_capacity(300 * poses.len());
         let shapes: Vec<Pose> = poses.iter().map(|p| self.placement.to_shapes(p)).collect();
-        let mut append = |at: usize, score_re: f64, score_im, response: Response| {
-            let (pose, pair) = (poses[at], self.condition.as_ref());
+        let mut append = |at: usize, pair: Option<&Pair>, score: (f64, _), response: Response| {
+            let (pose, (score_re, score_im)) = (poses[at], score);
             let wrench = self.placement.wrench_to_scene(&pose, &response.wrench);
             let scored = ScoredPose {
                 pose,
@@ -199,10 +226,12 @@ impl Scorer {
             append_score(&mut text, &scored);
         };
         match &self.source {
-            Source::Direct(evaluator) => {
+            Source::Direct(direct) => {
                 for (at, pose) in shapes.iter().enumerate() {
+                    let (evaluator, pair) = direct.of(first + at);
                     let full = evaluator.evaluate_full(pose);
-                    append(at, full.score.re, Some(full.score.im), full.response);
+                    let score = (full.score.re, Some(full.score.im));
+                    append(at, pair.as_ref(), score, full.response);
                 }
             }
             Source::Table(table) => {
@@ -210,10 +239,39 @@ impl Scorer {
                 let mut responses = vec![Response::default(); poses.len()];
                 table.respond_each(&shapes, &mut responses);
                 for (at, response) in responses.into_iter().enumerate() {
-                    append(at, -response.energy / gamma, None, response);
+                    append(at, None, (-response.energy / gamma, None), response);
                 }
             }
         }
         text
     }
+}
+
+/// Evaluators for poses of the shapes and more like them: of what these reach if they are all, else of
+/// the whole pair.
+fn direct(
+    setup: &SceneSetup,
+    shapes: &[Pose],
+    condition: bool,
+    context: &Context,
+) -> Result<DirectSources, CommandError> {
+    if shapes.len() == CHUNK {
+        let pair = setup.pair(&context.progress)?;
+        context.progress.finish();
+        let evaluator = setup.direct(&pair, &DirectOptions::FULL)?;
+        return Ok(DirectSources::one(evaluator, condition.then_some(pair)));
+    }
+    let mut direct = DirectSources {
+        sources: Vec::new(),
+        of_pose: vec![0; shapes.len()],
+    };
+    for (pair, indices) in setup.pairs_at(shapes, &context.progress)? {
+        for index in indices {
+            direct.of_pose[index] = direct.sources.len();
+        }
+        let evaluator = setup.direct(&pair, &DirectOptions::FULL)?;
+        direct.sources.push((evaluator, condition.then_some(pair)));
+    }
+    context.progress.finish();
+    Ok(direct)
 }

@@ -1,6 +1,6 @@
 //! The nodes that given poses of the moving part reach: of a large part beside a small one, few.
 
-use sdf_grid::{Aabb, FieldCache, Lattice, Monitor, TriangleMesh};
+use sdf_grid::{Aabb, DensityField, FieldCache, Lattice, Monitor, TriangleMesh};
 
 use super::builder::{PairBuildError, PairPlan};
 use super::fields::Pair;
@@ -116,16 +116,18 @@ impl PairPlan {
         groups
     }
 
-    /// Bytes of fields that poses reach, at most at a time.
+    /// Bytes of the fields that poses reach, the smaller part's once.
     pub(crate) fn bytes_at(&self, parts: [&TriangleMesh; 2], poses: &[Pose]) -> u64 {
         let larger = Self::larger(parts[0], parts[1]);
+        let lattice = |plan: &Self, side: Side| match side {
+            Side::Fixed => DensityField::memory_bytes(&plan.fixed_lattice),
+            Side::Moving => DensityField::memory_bytes(&plan.moving_lattice),
+        };
         let groups = self.grouped(larger, poses);
-        let bytes = groups.iter().map(|(reached, _)| {
-            let plan = self.within(larger, reached);
-            let of = sdf_grid::DensityField::memory_bytes;
-            of(&plan.fixed_lattice).saturating_add(of(&plan.moving_lattice))
-        });
-        bytes.max().unwrap_or(0)
+        let reached = groups
+            .iter()
+            .map(|(reached, _)| lattice(&self.within(larger, reached), larger));
+        reached.fold(lattice(self, larger.other()), u64::saturating_add)
     }
 }
 
@@ -206,14 +208,15 @@ mod tests {
         let plan = setup.plan().unwrap();
         let parts = [&*setup.fixed, &*setup.moving];
         let at = |x: f64| Pose::from_translation(DVec3::new(x, 0.0, 0.0));
-        let one = plan.bytes_at(parts, &[at(0.0)]);
         let apart = plan.grouped(super::Side::Fixed, &[at(0.0), at(0.2), at(-0.2), at(1e-3)]);
         let groups: Vec<&[usize]> = apart.iter().map(|g| g.1.as_slice()).collect();
         assert_eq!(groups.len(), 3, "{groups:?}");
+        let one = plan.bytes_at(parts, &[at(0.0)]);
         assert!(2 * one < plan.bytes, "{one} of {} bytes", plan.bytes);
-        // So many that they are reached together.
+        // So many that they are reached together: the whole part at most.
         let many: Vec<Pose> = (-30..30).map(|k| at(0.05 * f64::from(k))).collect();
-        assert!(plan.bytes_at(parts, &many) > one);
-        assert_eq!(plan.bytes_at(parts, &[]), 0);
+        let all = plan.bytes_at(parts, &many);
+        assert!((one + 1..=plan.bytes).contains(&all), "{all} bytes");
+        assert!(plan.bytes_at(parts, &[]) < one);
     }
 }

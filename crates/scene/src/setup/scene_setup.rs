@@ -58,6 +58,19 @@ impl SceneSetup {
         (self.parts.load(monitor)).map_err(|e| self.scene.pair_error(e))
     }
 
+    /// The pair as far as poses of the moving shape reach, in groups of near ones
+    /// ([`PairSetup::load_at`]).
+    ///
+    /// # Errors
+    /// As [`SceneSetup::pair`].
+    pub fn pairs_at(
+        &self,
+        poses: &[Pose],
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<(Pair, Vec<usize>)>, SceneError> {
+        (self.parts.load_at(poses, monitor)).map_err(|e| self.scene.pair_error(e))
+    }
+
     /// What the scene asks of docking: its rotations, if it names any.
     pub fn docking_options(&self) -> DockingRequest {
         DockingRequest {

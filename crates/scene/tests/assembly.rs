@@ -125,6 +125,19 @@ fn scores_over_a_window_are_those_of_direct_quadrature() {
     assert!(error < 1e-2, "{error}");
 }
 
+/// A small part of a large assembly is as usual as it is small.
+#[test]
+fn parts_of_usual_sizes_may_differ_by_any_factor() {
+    let (folder, text) = parts();
+    let peg = PegInHole::Rectangular.pair(1e-3).unwrap().1;
+    let small = peg.vertices().iter().map(|v| *v * 0.02).collect();
+    let options = sdf_grid::RepairOptions::default();
+    let (small, _) = TriangleMesh::clean("peg", small, peg.triangles().to_vec(), &options).unwrap();
+    mesh_io::write_obj(folder.path().join("peg.obj"), &small).unwrap();
+    let setup = SceneSetup::read(scene(folder.path(), &text), MEMORY).unwrap();
+    assert!(setup.warnings.is_empty(), "{:?}", setup.warnings);
+}
+
 #[test]
 fn parts_in_different_units_are_a_warning_and_parts_below_a_cell_an_error() {
     let (folder, text) = parts();

@@ -239,7 +239,11 @@ impl<'a> Docking<'a> {
             memory_limit: None,
             ..setup.builder
         };
-        unlimited.plan(&setup.fixed, &setup.moving, &setup.model)?;
+        match unlimited.plan(&setup.fixed, &setup.moving, &setup.model) {
+            // Contact needs no lattice.
+            Ok(_) | Err(PairBuildError::TooSmall { .. }) => {}
+            Err(error) => return Err(error.into()),
+        }
         setup.gamma()?;
         let began = Instant::now();
         let fixed = self.with_others();

@@ -159,7 +159,8 @@ impl<'a> MatingSearch<'a> {
         moving: &'a TriangleMesh,
         options: MatingSearchOptions,
     ) -> Self {
-        let features = [fixed, moving].map(SurfaceFeatures::new);
+        let features = [[fixed, moving], [moving, fixed]]
+            .map(|[part, other]| SurfaceFeatures::beside(part, other));
         let [f, m] = &features;
         let contact = MatingContact::new([fixed, moving], [f, m], options.clearance);
         let axes = symmetry::detect(moving, ROUND * contact.resolution);

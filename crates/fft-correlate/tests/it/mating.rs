@@ -4,9 +4,10 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use fft_correlate::{Docking, DockingPose, DockingRequest, PairSetup, Pose};
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use pegfit_fixtures::{JointPair, RightPlaces, joint, joint_names};
 use rand::{Rng, SeedableRng, rngs::SmallRng};
+use sdf_grid::shapes::prism;
 use sdf_grid::{Silent, TriangleMesh};
 
 /// An axis this near the stated one is it: radians (0.5 degrees), metres.
@@ -85,6 +86,30 @@ fn parts_of_machines_find_their_places_and_joints_however_they_lie() {
         "pin-blind-one-of-four",
         "ball-in-cup",
     ]);
+}
+
+/// The lattice of a whole plate would have one cell across the pin: there are no energies then.
+#[test]
+fn a_pin_is_docked_in_a_plate_a_thousand_times_as_wide() {
+    let hole = DVec3::new(0.31, -0.22, 0.0);
+    let square = |half: f64| {
+        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|c| half * DVec2::from_array(c))
+    };
+    let window: Vec<DVec2> = square(0.51e-3)
+        .iter()
+        .rev()
+        .map(|p| *p + hole.truncate())
+        .collect();
+    let plate = prism(&square(0.5), &[window], 0.002).unwrap();
+    let pin = prism(&square(0.5e-3), &[], 0.004).unwrap();
+    let setup = PairSetup::new(Arc::new(plate), Arc::new(pin));
+    let report = Docking::new(&setup, DockingRequest::default())
+        .run(&Silent)
+        .unwrap();
+    let first = &report.poses[0];
+    let off = (first.found.pose.translation - hole).truncate().length();
+    assert!(off < 5e-5, "{first:?}");
+    assert_eq!(first.joint.kind.name(), "prismatic");
 }
 
 #[test]

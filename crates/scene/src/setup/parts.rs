@@ -1,6 +1,7 @@
 //! The solids of a scene: read, cleaned, joined, each part in its own frame; and warnings about them.
 
 use std::fmt;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use fft_correlate::Pose;
@@ -8,8 +9,10 @@ use sdf_grid::{LengthUnit, MeshError, RepairOptions, RepairReport, TriangleMesh,
 
 use crate::scene::{Part, Scene};
 
-/// Parts whose diagonals differ by more than this are probably in different units.
+/// Parts whose diagonals differ by more than this, one of them outside the usual sizes (metres), are
+/// probably in different units: a screw in a chassis is not, a screw of 13 metres is.
 const SUSPICIOUS_RATIO: f64 = 30.0;
+const USUAL_SIZES: RangeInclusive<f64> = 5e-4..=5.0;
 
 /// Reads and cleans the meshes of a part, in its own frame; several become one.
 pub(crate) fn read_part(
@@ -110,7 +113,8 @@ fn scale_of(
     moving: &TriangleMesh,
 ) -> Option<SceneWarning> {
     let (a, b) = (fixed.bounds().diagonal(), moving.bounds().diagonal());
-    (a.max(b) / a.min(b) > SUSPICIOUS_RATIO).then(|| SceneWarning::Scale {
+    let unusual = ![a, b].iter().all(|d| USUAL_SIZES.contains(d));
+    (unusual && a.max(b) / a.min(b) > SUSPICIOUS_RATIO).then(|| SceneWarning::Scale {
         fixed: part.name.clone(),
         fixed_diagonal: a,
         moving: scene.moving.name.clone(),

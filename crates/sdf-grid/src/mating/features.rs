@@ -16,10 +16,10 @@ pub(crate) const SMOOTH_COSINE: f64 = 0.809;
 /// Faces that turn from each other by less lie in one plane: 0.3 degrees.
 const FLAT_COSINE: f64 = 0.999_986;
 
-/// Faces at most this far from a plane lie in it, shares of the part's diagonal.
+/// Faces at most this far from a plane lie in it, shares of the smaller part's diagonal.
 const FLAT: f64 = 2e-4;
 
-/// Planes with less than this share of the surface are left out, as are patches.
+/// Planes with less than this share of the smaller part's surface are left out, as are patches.
 const SMALL: f64 = 5e-4;
 
 /// A flat region is a facet of a curved surface if it goes over smoothly, along this share of its
@@ -127,7 +127,13 @@ pub struct SurfaceFeatures {
 impl SurfaceFeatures {
     /// Finds them.
     pub fn new(mesh: &TriangleMesh) -> Self {
-        let surface = Surface::new(mesh);
+        Self::beside(mesh, mesh)
+    }
+
+    /// The features of a part that matter to another one: what is too small, and how flat a plane is,
+    /// goes by the smaller of both.
+    pub fn beside(mesh: &TriangleMesh, other: &TriangleMesh) -> Self {
+        let surface = Surface::new(mesh, other);
         let mut flat = surface.flat_regions();
         surface.remove_facets(&mut flat);
         let (axes, spheres) = surface.round_patches(&flat);
@@ -190,6 +196,7 @@ struct Surface<'a> {
     corners: Vec<[DVec3; 3]>,
     normals: Vec<DVec3>,
     areas: Vec<f64>,
+    /// Of the smaller part.
     area: f64,
     diagonal: f64,
 }
@@ -205,15 +212,15 @@ struct FlatRegions {
 }
 
 impl<'a> Surface<'a> {
-    fn new(mesh: &'a TriangleMesh) -> Self {
+    fn new(mesh: &'a TriangleMesh, other: &TriangleMesh) -> Self {
         let corners: Vec<[DVec3; 3]> = mesh.faces().collect();
         let areas: Vec<f64> = corners.iter().copied().map(face_area).collect();
         Self {
             mesh,
             topology: mesh.topology(),
             normals: corners.iter().copied().map(normal).collect(),
-            area: areas.iter().sum(),
-            diagonal: mesh.bounds().diagonal(),
+            area: mesh.area().min(other.area()),
+            diagonal: mesh.bounds().diagonal().min(other.bounds().diagonal()),
             corners,
             areas,
         }
@@ -516,7 +523,7 @@ impl<'a> Surface<'a> {
 /// Normals at the corners of every face: of facets of curved surfaces means over the facets around the
 /// corner, of other faces their own.
 pub(crate) fn corner_normals(mesh: &TriangleMesh) -> Vec<[DVec3; 3]> {
-    let surface = Surface::new(mesh);
+    let surface = Surface::new(mesh, mesh);
     let mut flat = surface.flat_regions();
     surface.remove_facets(&mut flat);
     let curved = |face: usize| !flat.is_plane[flat.of[face]];

@@ -365,8 +365,17 @@ impl Rows {
         sets
     }
 
+    /// Whether all are generated joints.
+    fn are_joints(&self) -> bool {
+        self.0.iter().all(|([set, ..], _)| set == "joints")
+    }
+
     fn summary(&self) -> Table {
-        let mut table = Table::new("docking", "Docking in every frame", ABOUT, &COLUMNS);
+        let title = match self.are_joints() {
+            true => "Joints of machines in every frame",
+            false => "Docking in every frame",
+        };
+        let mut table = Table::new("docking", title, ABOUT, &COLUMNS);
         for ([_, group, kind], starts) in &self.0 {
             table.push(summary([group, kind], &starts.iter().collect::<Vec<_>>()));
         }
@@ -384,7 +393,11 @@ impl Rows {
         let columns = RANKINGS.iter().map(|by| by.0);
         let columns = std::iter::once("set").chain(columns);
         let columns: Vec<&str> = columns.chain(["returned", "starts"]).collect();
-        let mut table = Table::new("docking-rankings", "What to rank by", about, &columns);
+        let title = match self.are_joints() {
+            true => "What to rank joints by",
+            false => "What to rank by",
+        };
+        let mut table = Table::new("docking-rankings", title, about, &columns);
         for (set, starts) in self.sets() {
             let returned = starts.iter().filter(|s| s.rank.is_some()).count();
             let first = |i: usize| starts.iter().filter(|s| s.ranked_first[i]).count();

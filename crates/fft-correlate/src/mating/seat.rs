@@ -31,6 +31,9 @@ const EVEN: Weighing = Weighing {
     power: 8,
 };
 
+/// Nats by which a turn of a round part must hold it better to be taken.
+const CLEARLY: f64 = 1.0;
+
 /// Nats of hold that a part in the middle of its play may lose.
 const MIDDLE: f64 = 0.5;
 
@@ -124,7 +127,7 @@ impl MatingContact {
             let pose = self.approach_nearly_right(&pose);
             (pose, self.hold(&pose).hold)
         });
-        spun.fold(start, |a, b| if b.1 > a.1 { b } else { a })
+        spun.fold(start, |a, b| if b.1 > a.1 + CLEARLY { b } else { a })
     }
 
     /// The pose in the middle of the play around one, if that holds the part as well: faces on both

@@ -34,13 +34,7 @@ impl PairPlan {
         };
         let bounds = lattice.node_bounds();
         let corner = |i: usize| {
-            let side = |k: usize| {
-                if i >> k & 1 == 1 {
-                    bounds.max[k]
-                } else {
-                    bounds.min[k]
-                }
-            };
+            let side = |k: usize| [bounds.min, bounds.max][i >> k & 1][k];
             to.apply([side(0), side(1), side(2)].into())
         };
         Aabb::around((0..8).map(corner)).grown(MARGIN * self.spacing())
@@ -101,17 +95,16 @@ impl PairPlan {
                 let both = group.0.union(other);
                 size(&both) <= TOGETHER * (size(&group.0) + size(other))
             }) {
-                let (other, indices) = groups.swap_remove(near);
-                group = (group.0.union(&other), [indices, group.1].concat());
+                let (other, mut indices) = groups.swap_remove(near);
+                indices.append(&mut group.1);
+                group = (group.0.union(&other), indices);
             }
             groups.push(group);
-        }
-        if groups.len() > MOST_GROUPS {
-            let all = groups.iter().map(|g| g.0).reduce(|a, b| a.union(&b));
-            groups = all
-                .map(|a| (a, (0..poses.len()).collect()))
-                .into_iter()
-                .collect();
+            if groups.len() > MOST_GROUPS {
+                let reached = poses.iter().map(|pose| self.reached(larger, pose));
+                let all = reached.fold(Aabb::EMPTY, |a, b| a.union(&b));
+                return vec![(all, (0..poses.len()).collect())];
+            }
         }
         groups
     }

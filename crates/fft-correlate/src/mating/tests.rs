@@ -3,9 +3,9 @@
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 use glam::{DQuat, DVec2, DVec3};
-use pegfit_fixtures::{JointPair, PegInHole, joint, joint_names};
-use sdf_grid::shapes::construction::{circle, finish};
-use sdf_grid::shapes::cuboid;
+use pegfit_fixtures::{JointPair, PegInHole, joint, joint_names, stacked_rings};
+use sdf_grid::shapes::construction::circle;
+use sdf_grid::shapes::{cuboid, prism};
 use sdf_grid::{Silent, SurfaceFeatures, TriangleMesh};
 
 use super::{HeldPose, Joint, JointKind, MatingContact, MatingSearch, MatingSearchOptions};
@@ -207,26 +207,6 @@ fn a_round_peg_turns_all_around() {
     assert_eq!((turn.range, turn.blocked), ([-half, half], [false; 2]));
 }
 
-/// The solid between rings of equally many points, the first and the last of which are flat and
-/// convex. They run counter-clockwise seen from the last.
-fn skin(rings: &[(Vec<DVec2>, f64)]) -> TriangleMesh {
-    let n = rings[0].0.len() as u32;
-    let last = (rings.len() as u32 - 1) * n;
-    let mut triangles = Vec::new();
-    for low in (0..last).step_by(n as usize) {
-        for (a, b) in (0..n).map(|i| (low + i, low + (i + 1) % n)) {
-            triangles.extend([[a, b, b + n], [a, b + n, a + n]]);
-        }
-    }
-    for i in 1..n - 1 {
-        triangles.extend([[0, i + 1, i], [last, last + i, last + i + 1]]);
-    }
-    let vertices = rings
-        .iter()
-        .flat_map(|(ring, z)| ring.iter().map(|p| p.extend(*z)));
-    finish("skin", vertices.collect(), triangles).unwrap()
-}
-
 /// A box without a lid, its floor at z = 0, its mouth at `height`.
 fn tray(outside: DVec2, height: f64, wall: f64) -> TriangleMesh {
     let ring = |size: DVec2| {
@@ -235,12 +215,13 @@ fn tray(outside: DVec2, height: f64, wall: f64) -> TriangleMesh {
             .to_vec()
     };
     let inside = outside - 2.0 * wall;
-    skin(&[
+    stacked_rings(&[
         (ring(outside), 0.0),
         (ring(outside), height),
         (ring(inside), height),
         (ring(inside), wall),
     ])
+    .unwrap()
 }
 
 fn search(fixed: &TriangleMesh, moving: &TriangleMesh, present: Option<Pose>) -> Vec<HeldPose> {
@@ -273,20 +254,19 @@ fn a_part_that_may_turn_is_shown_as_it_lies_or_with_planes_parallel() {
     let round = circle(radius, 48);
     let square = |p: &DVec2| *p * (1.5 / p.abs().max_element() * radius);
     let square: Vec<DVec2> = round.iter().map(square).collect();
-    let peg = skin(&[
+    let peg = stacked_rings(&[
         (round.clone(), 0.0),
         (round, 0.02),
         (square.clone(), 0.02),
         (square, 0.03),
-    ]);
+    ])
+    .unwrap();
     // A block with a round hole.
     let hole = circle(radius + 1e-4, 48);
-    let block: Vec<DVec2> = (hole.iter())
-        .map(|p| *p * (0.03 / p.abs().max_element()))
-        .collect();
-    let ring = [(block.clone(), 0.0), (block.clone(), 0.02)];
-    let inner = [(hole.clone(), 0.02), (hole.clone(), 0.0)];
-    let block = tube(&[&ring[..], &inner[..]].concat());
+    let block = [[-0.03, -0.03], [0.03, -0.03], [0.03, 0.03], [-0.03, 0.03]];
+    let block = block.map(DVec2::from_array);
+    let block = prism(&block, &[hole], 0.02).unwrap();
+    let block = block.transformed(DQuat::IDENTITY, 0.01 * DVec3::Z);
     let about_z = |pose: &Pose| pose.rotation.to_scaled_axis().z;
     let parallel = &search(&block, &peg, None)[0];
     assert_eq!(parallel.joint.kind, JointKind::Revolute, "{parallel:?}");
@@ -298,23 +278,6 @@ fn a_part_that_may_turn_is_shown_as_it_lies_or_with_planes_parallel() {
     let shown = &search(&block, &peg, Some(present))[0];
     let off = shown.pose.angle_to(&present);
     assert!(off < 0.02, "{off}");
-}
-
-/// The solid between rings that closes from the last to the first.
-fn tube(rings: &[(Vec<DVec2>, f64)]) -> TriangleMesh {
-    let n = rings[0].0.len() as u32;
-    let total = rings.len() as u32 * n;
-    let mut triangles = Vec::new();
-    for low in (0..total).step_by(n as usize) {
-        let high = (low + n) % total;
-        for (i, j) in (0..n).map(|i| (i, (i + 1) % n)) {
-            triangles.extend([[low + i, low + j, high + j], [low + i, high + j, high + i]]);
-        }
-    }
-    let vertices = rings
-        .iter()
-        .flat_map(|(ring, z)| ring.iter().map(|p| p.extend(*z)));
-    finish("tube", vertices.collect(), triangles).unwrap()
 }
 
 #[test]

@@ -61,8 +61,8 @@ pub struct DockingRequest {
     /// By contact: only poses near this one, fixed part's frame: the moving part's middle at most so
     /// far away (metres), turned by at most an angle (radians).
     pub near: Option<(Pose, f64, f64)>,
-    /// By contact: a known axis of the moving part's turns: a point, metres, and a direction, fixed
-    /// part's frame.
+    /// By contact: an axis about which the moving part turns and along which it slides, and no other
+    /// way: a point, metres, and a direction, fixed part's frame.
     pub axis: Option<(DVec3, DVec3)>,
     /// By contact: parts that are there already, in the fixed part's frame: the moving part touches
     /// them, but does not overlap them.

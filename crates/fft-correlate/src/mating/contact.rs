@@ -9,6 +9,7 @@ use sdf_grid::{
     surface_points,
 };
 
+use super::axis::KnownAxis;
 use crate::geometry::se3::Pose;
 
 /// Eigenvalue of the Gramian from which on a motion counts as held.
@@ -125,6 +126,8 @@ pub struct MatingContact {
     pub(crate) resolution: f64,
     /// The fixed part's axes of turn, those with most area first.
     pub(super) axes: Vec<PatchAxis>,
+    /// What the moving part turns about and slides along, if that is known.
+    pub(super) known_axis: Option<KnownAxis>,
     /// Corners of the moving part's box, its frame, metres.
     pub(crate) corners: [DVec3; 8],
 }
@@ -159,6 +162,7 @@ impl MatingContact {
         axes.sort_by(|a, b| b.area().total_cmp(&a.area()));
         Self {
             axes,
+            known_axis: None,
             fixed: FaceGrid::new(fixed, clearance),
             fixed_depth: FaceGrid::new(fixed, resolution),
             moving: FaceGrid::new(moving, resolution),

@@ -76,6 +76,8 @@ pub(super) struct Hypotheses<'a> {
     clearance: f64,
     /// Axis of revolution of the moving part, if it has one: its spin does not matter.
     round: Option<DVec3>,
+    /// Motions that map the moving part onto itself.
+    symmetries: &'a [Pose],
 }
 
 impl<'a> Hypotheses<'a> {
@@ -84,18 +86,22 @@ impl<'a> Hypotheses<'a> {
         parts: [&'a SurfaceFeatures; 2],
         clearance: f64,
         round: Option<DVec3>,
+        symmetries: &'a [Pose],
     ) -> Self {
         Self {
             directions: parts.map(|p| directions(&p.planes)),
             parts,
             clearance,
             round,
+            symmetries,
         }
     }
 
     /// Rotations in which at least two directions of the moving part's planes are opposite to
-    /// directions of the fixed part's, those with most area opposite first.
+    /// directions of the fixed part's, those with most area opposite first; one of those that the
+    /// moving part's symmetry makes equal.
     pub(super) fn rotations(&self) -> Vec<DQuat> {
+        let symmetries = self.symmetries;
         let [fixed, moving] = &self.directions;
         let fixed = &fixed[..fixed.len().min(DIRECTIONS[0])];
         let moving = &moving[..moving.len().min(DIRECTIONS[1])];
@@ -119,7 +125,10 @@ impl<'a> Hypotheses<'a> {
                 }
                 let turn = frame(-c, -d) * frame(a, b).transpose();
                 let q = DQuat::from_mat3(&turn).normalize();
-                let known = |(o, _): &(DQuat, f64)| o.dot(q).abs() > PARALLEL_COSINE;
+                let same = |o: DQuat| o.dot(q).abs() > PARALLEL_COSINE;
+                let known = |(o, _): &(DQuat, f64)| {
+                    same(*o) || symmetries.iter().any(|s| same(*o * s.rotation))
+                };
                 if !found.iter().any(known) {
                     found.push((q, opposite_area(q)));
                 }
@@ -354,15 +363,28 @@ impl<'a> Hypotheses<'a> {
         places.into_iter().map(|p| p.0).collect()
     }
 
-    /// Spins about the axis: those that make planes along it parallel, and evenly all around.
+    /// Spins about the axis: those that make planes along it parallel, and evenly all around. Of
+    /// turns that map the moving part onto itself, as a gear's by one tooth, only the first counts.
     fn spins(&self, pair: &AxisPair, base: DQuat, along: DVec3) -> Vec<f64> {
         let axis = pair.moving.direction;
         if self.round.is_some_and(|r| r.cross(axis).length() < 0.02) {
             return vec![0.0];
         }
         let aligned = self.aligned_spins(base, along);
-        let even = (0..SPINS).map(|k| TAU * k as f64 / SPINS as f64);
-        aligned.into_iter().map(|s| s.0).chain(even).collect()
+        let period = TAU / self.turns_about(axis) as f64;
+        let even = (0..SPINS).map(|k| period * k as f64 / SPINS as f64);
+        let aligned = aligned.into_iter().map(|s| s.0.rem_euclid(period));
+        clustered(aligned.map(|s| (s, 1.0)).collect(), 1e-6, ALIGNED_SPINS)
+            .into_iter()
+            .map(|s| s.0)
+            .chain(even)
+            .collect()
+    }
+
+    /// Turns about an axis of the moving part that map it onto itself.
+    fn turns_about(&self, axis: DVec3) -> usize {
+        let same = |s: &&Pose| (s.rotation * axis).dot(axis) > 1.0 - 1e-9;
+        self.symmetries.iter().filter(same).count().max(1)
     }
 
     /// Turns (radians, 0 to a full one) about an axis `along` of the moving part, which lies at

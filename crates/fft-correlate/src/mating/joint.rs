@@ -324,6 +324,11 @@ impl MatingContact {
         for (row, weight) in rows.clone() {
             gramian.add_outer(weight, &row);
         }
+        if let Some(axis) = &self.known_axis {
+            // As strongly as contact holds what it holds best.
+            let strongest = gramian.eigen().0[5];
+            axis.stiffen(&mut gramian, middle, radius, strongest);
+        }
         let (values, vectors) = gramian.eigen();
         let one_sided = |motion: &Vector6| {
             let mut senses = [0.0; 2];

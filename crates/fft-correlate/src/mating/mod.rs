@@ -6,6 +6,7 @@
 //! mating samples, the contact Gramian, tells which motions contact resists, how well, and which it
 //! leaves free. Formulas are in `docs/conventions.md`.
 
+pub(crate) mod axis;
 pub(crate) mod contact;
 pub(crate) mod hypotheses;
 pub(crate) mod joint;

@@ -11,6 +11,7 @@ use sdf_grid::{
     TriangleMesh, symmetry,
 };
 
+use super::axis::KnownAxis;
 use super::contact::{HoldReport, INFORMATION_FLOOR, INSIDE, MatingContact};
 use super::hypotheses::{Family, Hypotheses};
 use super::joint::Joint;
@@ -49,6 +50,9 @@ const CLOSES: f64 = 10.0;
 const ALIKE_NATS: f64 = 1.0;
 const ALIKE_RATIO: f64 = 0.4;
 
+/// A part whose axis is this near to a known one lies on it, shares of the resolution.
+const ON_AXIS: f64 = 0.1;
+
 /// A part is round whose turns differ by this share of the resolution at most.
 const ROUND: f64 = 0.15;
 
@@ -65,7 +69,8 @@ pub struct MatingSearchOptions {
     pub clearance: Option<f64>,
     /// Poses that may be returned.
     pub region: SearchRegion,
-    /// An axis of the fixed frame (point, metres, and direction) about which the moving part turns.
+    /// An axis of the fixed frame (point, metres, and direction): the moving part turns about it and
+    /// slides along it, and moves in no other way.
     pub axis: Option<(DVec3, DVec3)>,
     /// Motions that map the moving part onto itself: poses that differ by one count as the same.
     pub symmetries: Vec<Pose>,
@@ -162,7 +167,8 @@ impl<'a> MatingSearch<'a> {
         let features = [[fixed, moving], [moving, fixed]]
             .map(|[part, other]| SurfaceFeatures::beside(part, other));
         let [f, m] = &features;
-        let contact = MatingContact::new([fixed, moving], [f, m], options.clearance);
+        let mut contact = MatingContact::new([fixed, moving], [f, m], options.clearance);
+        contact.known_axis = options.axis.map(KnownAxis::new);
         let axes = symmetry::detect(moving, ROUND * contact.resolution);
         let round = axes.iter().find(|a| a.order == SymmetryOrder::Continuous);
         let round = round.map(|a| a.direction);
@@ -213,7 +219,10 @@ impl<'a> MatingSearch<'a> {
         let seated: Vec<Candidate> = distinct.par_iter().filter_map(seat).collect();
         let near = 0.5 * self.contact.resolution;
         let seated = self.distinct(seated, near, SLIDING);
-        let straight = self.hypotheses().rotations();
+        let straight = match self.options.axis {
+            Some(_) => Vec::new(),
+            None => self.equal(&self.hypotheses().rotations()),
+        };
         let slide = |c: &Candidate| {
             let (pose, value) = match monitor.cancelled() {
                 true => (c.pose, c.value),
@@ -237,9 +246,21 @@ impl<'a> MatingSearch<'a> {
         self.ranked(&homes, monitor)
     }
 
+    /// Rotations, and those that the moving part's symmetry makes equal to them.
+    fn equal(&self, rotations: &[DQuat]) -> Vec<DQuat> {
+        let symmetries = &self.options.symmetries;
+        let equal = |q: DQuat| symmetries.iter().map(move |s| q * s.rotation).chain([q]);
+        rotations.iter().flat_map(|q| equal(*q)).collect()
+    }
+
     fn hypotheses(&self) -> Hypotheses<'_> {
         let [fixed, moving] = &self.features;
-        Hypotheses::new([fixed, moving], self.contact.resolution, self.round)
+        Hypotheses::new(
+            [fixed, moving],
+            self.contact.resolution,
+            self.round,
+            &self.options.symmetries,
+        )
     }
 
     /// The best hypotheses of every family.
@@ -329,7 +350,11 @@ impl<'a> MatingSearch<'a> {
     }
 
     fn allows(&self, pose: &Pose) -> bool {
-        self.options.region.contains(pose, self.contact.centre)
+        let axes = &self.features[1].axes;
+        let near = ON_AXIS * self.contact.resolution;
+        let known = self.contact.known_axis;
+        known.is_none_or(|axis| axis.carries(pose, axes, near))
+            && self.options.region.contains(pose, self.contact.centre)
     }
 
     /// The best poses farther apart than a distance (metres), the best first.

@@ -40,6 +40,9 @@ const MIDDLE: f64 = 0.5;
 /// Holds motions in place that no sample speaks for.
 const DAMPING: f64 = 1e-3;
 
+/// Stiffness against motions that leave a known axis; the whole surface against a plane has 1.
+const RIGID: f64 = 1e4;
+
 /// A part leans by at most this, radians: 4 degrees.
 const LEANING: f64 = 0.07;
 
@@ -180,6 +183,9 @@ impl MatingContact {
         if count == 0 {
             return None;
         }
+        if let Some(axis) = &self.known_axis {
+            axis.stiffen(&mut normal_matrix, centre, self.radius, RIGID);
+        }
         for i in 0..6 {
             normal_matrix.0[i][i] += DAMPING;
         }
@@ -192,8 +198,12 @@ impl MatingContact {
         ))
     }
 
-    /// A pose turned about the moving part's centre, and shifted.
+    /// A pose turned about the moving part's centre, and shifted; on a known axis only about and
+    /// along it.
     pub(super) fn moved(&self, pose: &Pose, turn: DVec3, shift: DVec3) -> Pose {
+        if let Some(axis) = &self.known_axis {
+            return axis.moved(pose, turn, shift);
+        }
         let centre = pose.apply(self.centre) + shift;
         let rotation = (DQuat::from_scaled_axis(turn) * pose.rotation).normalize();
         Pose::new(rotation, centre - rotation * self.centre)
@@ -214,8 +224,11 @@ impl MatingContact {
             if monitor.cancelled() {
                 break;
             }
-            let (_, motions) = self.gramian(&pose, self.clearance()).matrix.eigen();
-            let m = motions[0];
+            let mut matrix = self.gramian(&pose, self.clearance()).matrix;
+            if let Some(axis) = &self.known_axis {
+                axis.stiffen(&mut matrix, pose.apply(self.centre), self.radius, RIGID);
+            }
+            let m = matrix.eigen().1[0];
             let (turn, shift) = (
                 DVec3::new(m[3], m[4], m[5]) / self.radius,
                 DVec3::new(m[0], m[1], m[2]),

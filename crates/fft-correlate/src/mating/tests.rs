@@ -1,15 +1,16 @@
 //! Contact, seating and joints of shapes of which the answer is known.
 
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
 use glam::{DQuat, DVec2, DVec3};
 use pegfit_fixtures::{JointPair, PegInHole, joint, joint_names, stacked_rings};
 use sdf_grid::shapes::construction::circle;
 use sdf_grid::shapes::{cuboid, prism};
-use sdf_grid::{Silent, SurfaceFeatures, TriangleMesh};
+use sdf_grid::{Silent, SurfaceFeatures, TriangleMesh, symmetry};
 
 use super::{HeldPose, Joint, JointKind, MatingContact, MatingSearch, MatingSearchOptions};
 use crate::geometry::se3::Pose;
+use crate::rotations::search_rotations::symmetry_group;
 
 fn contact(fixed: &TriangleMesh, moving: &TriangleMesh) -> MatingContact {
     let features = [fixed, moving].map(SurfaceFeatures::new);
@@ -308,4 +309,72 @@ fn a_part_that_leans_in_its_play_is_set_straight() {
     // Not to a rotation far away.
     let same = contact.straightened((leaning, hold), &[quarter]);
     assert_eq!(same, (leaning, hold));
+}
+
+/// A spur gear with straight flanks about the z axis, a tooth in the x direction, bored for a shaft.
+fn gear(teeth: u32, module: f64, bore: f64) -> TriangleMesh {
+    let radius = 0.5 * module * f64::from(teeth);
+    // Radii, and half the widths there, as shares of half a tooth.
+    let flank = [
+        (radius - 1.2 * module, 0.66),
+        (radius, 0.47),
+        (radius + module, 0.24),
+    ];
+    let side = |sign: f64| move |(r, w): &(f64, f64)| (*r, sign * w);
+    let tooth: Vec<(f64, f64)> = (flank.iter().map(side(-1.0)))
+        .chain(flank.iter().rev().map(side(1.0)))
+        .collect();
+    let half = PI / f64::from(teeth);
+    let outline: Vec<DVec2> = (0..teeth)
+        .flat_map(|k| {
+            let middle = 2.0 * half * f64::from(k);
+            let corner = move |(r, w): &(f64, f64)| *r * DVec2::from_angle(middle + w * half);
+            tooth.iter().map(corner).collect::<Vec<_>>()
+        })
+        .collect();
+    prism(&outline, &[circle(bore, 48)], 6e-3).unwrap()
+}
+
+#[test]
+fn a_gear_meshes_on_its_shaft() {
+    const TEETH: [u32; 2] = [20, 15];
+    let (module, bore) = (1.5e-3, 3e-3);
+    let [fixed, moving] = TEETH.map(|teeth| gear(teeth, module, bore));
+    let apart = 0.5 * module * f64::from(TEETH[0] + TEETH[1]) + 5e-5;
+    let shaft = prism(&circle(bore - 2e-5, 48), &[], 0.024).unwrap();
+    let shaft = shaft.transformed(DQuat::IDENTITY, apart * DVec3::X);
+    // Anywhere.
+    let away = Pose::new(
+        DQuat::from_scaled_axis(DVec3::new(0.7, -1.1, 0.4)),
+        DVec3::new(0.03, -0.05, 0.02),
+    );
+    let moving = moving.transformed(away.rotation, away.translation);
+    let symmetries = symmetry_group(&symmetry::detect(&moving, 1e-6));
+    let run = |fixed: &TriangleMesh, axis: Option<(DVec3, DVec3)>| {
+        let options = MatingSearchOptions {
+            top: 3,
+            axis,
+            symmetries: symmetries.clone(),
+            ..MatingSearchOptions::default()
+        };
+        let found = MatingSearch::new(fixed, &moving, options).run(&[], &Silent);
+        found.into_iter().next().unwrap()
+    };
+    // With the shaft, and with the axis only.
+    let axis = (DVec3::new(apart, 0.0, 0.1), -2.0 * DVec3::Z);
+    let together = TriangleMesh::joined([&fixed, &shaft]);
+    for found in [run(&together, None), run(&fixed, Some(axis))] {
+        let placed = found.pose * away;
+        let off = placed.translation - apart * DVec3::X;
+        assert!(off.truncate().length() < 3e-5, "{off}");
+        assert!(off.z.abs() < 3e-4 && found.overlap < 1e-3, "{found:?}");
+        let direction = placed.rotation * DVec3::Z;
+        assert!(direction.truncate().length() < 2e-3, "{direction}");
+        // A gap of the moving gear lies where a tooth of the fixed one does.
+        let tooth = placed.rotation * DVec3::X;
+        let pitch = TAU / f64::from(TEETH[1]);
+        let phase = (tooth.y.atan2(tooth.x) - PI) / pitch - 0.5;
+        assert!((phase - phase.round()).abs() < 0.05, "{phase}");
+        assert_eq!(found.joint.kind, JointKind::Prismatic, "{found:?}");
+    }
 }

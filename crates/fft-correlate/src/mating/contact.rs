@@ -163,9 +163,9 @@ impl MatingContact {
         Self {
             axes,
             known_axis: None,
-            fixed: FaceGrid::new(fixed, clearance),
-            fixed_depth: FaceGrid::new(fixed, resolution),
-            moving: FaceGrid::new(moving, resolution),
+            fixed: FaceGrid::new(fixed, clearance, OPPOSITE_COSINE),
+            fixed_depth: FaceGrid::new(fixed, resolution, OPPOSITE_COSINE),
+            moving: FaceGrid::new(moving, resolution, OPPOSITE_COSINE),
             few: surface_points(moving, FEW_SAMPLES),
             patch_samples,
             fixed_samples: SampleCells::new(&surface_points(fixed, count), bounds.diagonal() / 8.0),
@@ -207,7 +207,7 @@ impl MatingContact {
         let limits = self.limits(clearance);
         for sample in samples {
             let (p, n) = (pose.apply(sample.position), pose.rotation * sample.normal);
-            if let Some(face) = self.fixed.opposite_face(p, n, limits, OPPOSITE_COSINE) {
+            if let Some(face) = self.fixed.opposite_face(p, n, limits) {
                 found(
                     sample,
                     p,
@@ -248,7 +248,7 @@ impl MatingContact {
         // A third of the samples finds most poses that are out of reach.
         let touches = |s: &SurfacePoint| {
             let (p, n) = (pose.apply(s.position), pose.rotation * s.normal);
-            (self.fixed.opposite_face(p, n, limits, OPPOSITE_COSINE)).is_some()
+            (self.fixed.opposite_face(p, n, limits)).is_some()
         };
         if !self.few.iter().step_by(3).any(touches) {
             return None;

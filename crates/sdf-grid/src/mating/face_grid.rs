@@ -1,7 +1,7 @@
 //! A surface's faces in a uniform grid of cells, for thousands of questions about what lies near a
 //! point.
 
-use std::sync::atomic::{AtomicI8, Ordering::Relaxed};
+use std::sync::atomic::{AtomicI8, AtomicUsize, Ordering::Relaxed};
 use std::sync::{OnceLock, PoisonError, RwLock};
 
 use glam::DVec3;
@@ -17,8 +17,13 @@ const ENTRIES: f64 = 4e6;
 /// Cells whose side of the surface is remembered, at most.
 const REMEMBERED: usize = 1 << 22;
 
-/// Parts of a cell along each axis, each with its middle's distance from the surface.
+/// Parts of a cell along each axis, each with its middle's distance from the surface and the faces
+/// that lines through it may meet.
 const PARTS: usize = 4;
+const ALL_PARTS: usize = PARTS * PARTS * PARTS;
+
+/// Faces that all parts may list; beyond that a part uses its cell's.
+const LISTED: usize = 1 << 23;
 
 /// Such distances are kept as multiples of this share of the reach, and up to 127 of these.
 const UNIT: f64 = 1.0 / 32.0;
@@ -40,8 +45,8 @@ type Key = [i32; 3];
 ///
 /// // The upper face of a cube, from half a millimetre above it.
 /// let cube = shapes::cuboid(DVec3::splat(0.01)).unwrap();
-/// let grid = FaceGrid::new(&cube, 0.001);
-/// let met = grid.opposite_face(DVec3::new(0.001, 0.0, 0.0055), -DVec3::Z, [0.001; 2], 0.9);
+/// let grid = FaceGrid::new(&cube, 0.001, 0.9);
+/// let met = grid.opposite_face(DVec3::new(0.001, 0.0, 0.0055), -DVec3::Z, [0.001; 2]);
 /// assert!((met.unwrap().gap - 0.0005).abs() < 1e-12);
 /// assert!(grid.is_deeper(DVec3::new(0.0, 0.0, 0.0045), 0.0004));
 /// ```
@@ -49,6 +54,8 @@ type Key = [i32; 3];
 pub struct FaceGrid {
     cell: f64,
     reach: f64,
+    cosine: f64,
+    sine: f64,
     origin: DVec3,
     size: DVec3,
     /// Every cell with faces within reach.
@@ -56,6 +63,8 @@ pub struct FaceGrid {
     list: Vec<u32>,
     faces: Vec<GridFace>,
     bvh: Bvh,
+    /// Faces that parts list.
+    listed: AtomicUsize,
     /// Whether cells without faces within reach lie inside.
     inside: Vec<RwLock<FxHashMap<Key, bool>>>,
 }
@@ -66,15 +75,32 @@ struct Cell {
     first: u32,
     last: u32,
     /// Signed distances of the middles of its parts, units, as far as they have been asked for.
-    distances: OnceLock<Box<[AtomicI8; PARTS * PARTS * PARTS]>>,
+    distances: OnceLock<Box<[AtomicI8; ALL_PARTS]>>,
+    /// Faces that lines through its parts may meet, of those parts that lines have passed.
+    met: PartLists,
+    /// Faces that may be nearest to points of its parts, of those parts that were asked for depths.
+    nearest: PartLists,
+}
+
+/// Faces of every part of a cell, as far as they have been asked for.
+type PartLists = OnceLock<Box<[OnceLock<Box<[u32]>>; ALL_PARTS]>>;
+
+/// A part of a cell.
+#[derive(Clone, Copy)]
+struct Part {
+    index: usize,
+    middle: DVec3,
 }
 
 #[derive(Debug)]
 struct GridFace {
-    corners: [DVec3; 3],
     normal: DVec3,
-    /// Normals of the edges in the plane, away from the face; edge `k` begins at corner `k`.
-    outward: [DVec3; 3],
+    /// Of its plane along the normal, metres.
+    offset: f64,
+    /// Normals of the edges in the plane, away from the face, and their offsets; edge `k` begins at
+    /// corner `k`.
+    outward: [(DVec3, f64); 3],
+    corners: [DVec3; 3],
 }
 
 /// An opposite face that a line meets.
@@ -87,20 +113,25 @@ pub struct OppositeFace {
 }
 
 impl FaceGrid {
-    /// The grid of a surface for questions about faces at most `reach` (metres, above 0) away.
-    pub fn new(mesh: &TriangleMesh, reach: f64) -> Self {
+    /// The grid of a surface for questions about faces at most `reach` (metres, above 0) away, and
+    /// opposite ones whose normals have at least `cosine` (above 0) in common with the opposite of the
+    /// line that meets them.
+    pub fn new(mesh: &TriangleMesh, reach: f64, cosine: f64) -> Self {
         let faces: Vec<GridFace> = mesh.faces().map(GridFace::new).collect();
         let bounds = mesh.bounds();
         let cell = reach.max((3.0 * mesh.area() / ENTRIES).sqrt());
         let mut grid = Self {
             cell,
             reach,
+            cosine,
+            sine: (1.0 - cosine * cosine).sqrt(),
             origin: bounds.min,
             size: bounds.size(),
             cells: FxHashMap::default(),
             list: Vec::new(),
             faces,
             bvh: Bvh::build(mesh),
+            listed: AtomicUsize::new(0),
             inside: (0..LOCKS).map(|_| RwLock::default()).collect(),
         };
         let mut entries: Vec<(Key, u32)> = Vec::new();
@@ -117,6 +148,8 @@ impl FaceGrid {
                 first: first as u32,
                 last: last as u32,
                 distances: OnceLock::new(),
+                met: OnceLock::new(),
+                nearest: OnceLock::new(),
             };
             grid.cells.insert(key, cell);
             first = last;
@@ -145,8 +178,7 @@ impl FaceGrid {
                 for z in from..=to {
                     key[along] = z;
                     let middle = self.middle(key);
-                    let beside = |k: usize| (middle - face.corners[k]).dot(face.outward[k]) > far;
-                    if face.height(middle).abs() <= far && !(0..3).any(beside) {
+                    if face.height(middle).abs() <= far && face.covers(middle, far) {
                         found(key);
                     }
                 }
@@ -169,27 +201,90 @@ impl FaceGrid {
         &self.list[cell.first as usize..cell.last as usize]
     }
 
-    /// The least and the largest signed distance that a point of a cell may have, metres.
-    fn bounds(&self, key: Key, cell: &Cell, p: DVec3) -> [f64; 2] {
-        let unknown = || Box::new(std::array::from_fn(|_| AtomicI8::new(UNKNOWN)));
-        let distances = cell.distances.get_or_init(unknown);
+    /// The part of a cell that a point lies in.
+    fn part(&self, key: Key, p: DVec3) -> Part {
         let width = self.cell / PARTS as f64;
         let corner = self.middle(key) - 0.5 * self.cell;
         let last = DVec3::splat((PARTS - 1) as f64);
         let part = ((p - corner) / width).floor().clamp(DVec3::ZERO, last);
-        let index = (part.x as usize * PARTS + part.y as usize) * PARTS + part.z as usize;
-        let middle = corner + (part + 0.5) * width;
-        let unit = UNIT * self.reach;
-        let units = match distances[index].load(Relaxed) {
+        Part {
+            index: (part.x as usize * PARTS + part.y as usize) * PARTS + part.z as usize,
+            middle: corner + (part + 0.5) * width,
+        }
+    }
+
+    /// The faces of a cell that lines through a part of it may meet within the reach.
+    fn met<'a>(&'a self, cell: &'a Cell, part: Part) -> &'a [u32] {
+        let (radius, tangent) = (self.part_radius(), self.sine / self.cosine);
+        self.listed(cell, &cell.met, part, |face| {
+            let height = face.height(part.middle).abs();
+            // A line passes beside its point's foot by as much as it leans.
+            let beside = (tangent * (height + radius)).min(self.sine * self.reach);
+            height <= self.reach + radius && face.covers(part.middle, radius + beside)
+        })
+    }
+
+    /// The faces of a cell that may be nearest to points of a part of it.
+    fn nearest<'a>(&'a self, cell: &'a Cell, part: Part) -> &'a [u32] {
+        let distance = (f64::from(self.units(cell, part)).abs() + 0.5) * UNIT * self.reach;
+        if distance + self.part_radius() > self.reach {
+            return self.faces(cell);
+        }
+        let far = distance + 2.0 * self.part_radius();
+        self.listed(cell, &cell.nearest, part, |face| {
+            let height = face.height(part.middle);
+            height.abs() <= far && face.distance(part.middle, height) <= far
+        })
+    }
+
+    /// The faces of a cell that a condition lists for a part of it; the condition is always the same.
+    fn listed<'a>(
+        &'a self,
+        cell: &'a Cell,
+        lists: &'a PartLists,
+        part: Part,
+        condition: impl Fn(&GridFace) -> bool,
+    ) -> &'a [u32] {
+        if self.listed.load(Relaxed) > LISTED {
+            return self.faces(cell);
+        }
+        let none = || Box::new([const { OnceLock::new() }; ALL_PARTS]);
+        lists.get_or_init(none)[part.index].get_or_init(|| {
+            let faces = self.faces(cell).iter();
+            let list: Box<[u32]> = faces
+                .filter(|index| condition(&self.faces[**index as usize]))
+                .copied()
+                .collect();
+            self.listed.fetch_add(list.len(), Relaxed);
+            list
+        })
+    }
+
+    /// How far a point of a part may be from its middle, metres.
+    fn part_radius(&self) -> f64 {
+        (0.5 + 1e-6) * 3f64.sqrt() * self.cell / PARTS as f64
+    }
+
+    /// The signed distance of a part's middle, units.
+    fn units(&self, cell: &Cell, Part { index, middle }: Part) -> i8 {
+        let unknown = || Box::new(std::array::from_fn(|_| AtomicI8::new(UNKNOWN)));
+        let distances = cell.distances.get_or_init(unknown);
+        match distances[index].load(Relaxed) {
             UNKNOWN => {
-                let found = (self.signed_distance(middle, cell) / unit).round();
+                let distance = self.signed_distance(middle, self.faces(cell));
+                let found = (distance / (UNIT * self.reach)).round();
                 let found = found.clamp(-127.0, 127.0) as i8;
                 distances[index].store(found, Relaxed);
                 found
             }
             known => known,
-        };
-        let room = p.distance(middle) + 0.5 * unit;
+        }
+    }
+
+    /// The least and the largest signed distance that a point of a part may have, metres.
+    fn bounds(&self, cell: &Cell, part: Part, p: DVec3) -> [f64; 2] {
+        let (unit, units) = (UNIT * self.reach, self.units(cell, part));
+        let room = p.distance(part.middle) + 0.5 * unit;
         let distance = f64::from(units) * unit;
         // Of the largest ones, only that they are at least so large is known.
         match units {
@@ -199,9 +294,10 @@ impl FaceGrid {
         }
     }
 
-    /// Signed distance of a cell's point, metres, or as much as can be kept.
-    fn signed_distance(&self, p: DVec3, cell: &Cell) -> f64 {
-        if let Some(distance) = self.signed_distance_near(p, self.faces(cell)) {
+    /// Signed distance of a point, metres, or as much as can be kept; `faces` are those within reach
+    /// that may be nearest.
+    fn signed_distance(&self, p: DVec3, faces: &[u32]) -> f64 {
+        if let Some(distance) = self.signed_distance_near(p, faces) {
             return distance;
         }
         let far = 128.0 * UNIT * self.reach;
@@ -212,28 +308,28 @@ impl FaceGrid {
         }
     }
 
-    /// The nearest face that the line through `p` along `direction` (unit length) meets, at most
-    /// `behind` it or `ahead` of it (metres, at most the grid's reach), and whose normal has at least
-    /// `cosine` in common with the line's opposite. What it learns of distances stays in the grid.
+    /// The nearest opposite face that the line through `p` along `direction` (unit length) meets, at
+    /// most `behind` it or `ahead` of it (metres, at most the grid's reach). What it learns of
+    /// distances and faces stays in the grid.
     pub fn opposite_face(
         &self,
         p: DVec3,
         direction: DVec3,
         [behind, ahead]: [f64; 2],
-        cosine: f64,
     ) -> Option<OppositeFace> {
         let mut best: Option<OppositeFace> = None;
         let mut least = behind.max(ahead);
         let key = self.key(p);
         let cell = self.cells.get(&key)?;
-        let [low, high] = self.bounds(key, cell, p);
+        let part = self.part(key, p);
+        let [low, high] = self.bounds(cell, part, p);
         if low > least || high < -least {
             return None;
         }
-        for &index in self.faces(cell) {
+        for &index in self.met(cell, part) {
             let face = &self.faces[index as usize];
             let along = face.normal.dot(direction);
-            if along > -cosine {
+            if along > -self.cosine {
                 continue;
             }
             let gap = -face.height(p) / along;
@@ -260,11 +356,12 @@ impl FaceGrid {
         let Some(cell) = self.cells.get(&key) else {
             return self.is_inside(key, p);
         };
-        let [low, high] = self.bounds(key, cell, p);
+        let part = self.part(key, p);
+        let [low, high] = self.bounds(cell, part, p);
         if high < -depth || low > -depth {
             return high < -depth;
         }
-        self.signed_distance(p, cell) < -depth
+        self.signed_distance(p, self.nearest(cell, part)) < -depth
     }
 
     /// Signed distance of `p` from the nearest of these faces, metres, negative inside; none if it is
@@ -277,6 +374,11 @@ impl FaceGrid {
             let face = &self.faces[index as usize];
             let above = face.height(p);
             if above.abs() > least + same {
+                continue;
+            }
+            // No nearer than the line through its nearest edge.
+            let beside = face.beside(p);
+            if beside > 0.0 && above * above + beside * beside > (least + same) * (least + same) {
                 continue;
             }
             let distance = face.distance(p, above);
@@ -321,20 +423,32 @@ impl GridFace {
         let normal = normal(corners);
         let edge = |k: usize| corners[(k + 1) % 3] - corners[k];
         Self {
-            corners,
             normal,
-            outward: std::array::from_fn(|k| edge(k).cross(normal).normalize_or_zero()),
+            offset: corners[0].dot(normal),
+            outward: std::array::from_fn(|k| {
+                let outward = edge(k).cross(normal).normalize_or_zero();
+                (outward, corners[k].dot(outward))
+            }),
+            corners,
         }
     }
 
     /// Above the face's plane, metres.
     fn height(&self, p: DVec3) -> f64 {
-        (p - self.corners[0]).dot(self.normal)
+        p.dot(self.normal) - self.offset
     }
 
     /// Whether a point of the face's plane lies on the face or at most `beside` it.
     fn covers(&self, p: DVec3, beside: f64) -> bool {
-        (0..3).all(|k| (p - self.corners[k]).dot(self.outward[k]) <= beside)
+        self.beside(p) <= beside
+    }
+
+    /// How far a point's foot lies outside the line through the edge that it lies farthest outside
+    /// of, metres; negative inside the face.
+    fn beside(&self, p: DVec3) -> f64 {
+        let outside = |(outward, offset): &(DVec3, f64)| p.dot(*outward) - offset;
+        let [a, b, c] = self.outward.each_ref().map(outside);
+        a.max(b).max(c)
     }
 
     /// Distance of a point at this height.
@@ -366,7 +480,7 @@ mod tests {
         let (block, _) = PegInHole::Combined.pair(0.0).unwrap();
         let turn = DQuat::from_scaled_axis(DVec3::new(0.4, -1.1, 0.7));
         let block = block.transformed(turn, DVec3::new(0.01, 0.02, -0.005));
-        let (grid, bvh) = (FaceGrid::new(&block, 0.002), Bvh::build(&block));
+        let (grid, bvh) = (FaceGrid::new(&block, 0.002, 0.9), Bvh::build(&block));
         let mut random = SmallRng::seed_from_u64(1);
         let (low, size) = (block.bounds().min, block.bounds().size());
         let mut inside = 0;
@@ -392,7 +506,7 @@ mod tests {
     #[test]
     fn opposite_faces_are_those_that_a_search_of_all_finds() {
         let (block, _) = PegInHole::Circular.pair(0.0).unwrap();
-        let grid = FaceGrid::new(&block, 0.003);
+        let grid = FaceGrid::new(&block, 0.003, 0.8);
         let mut random = SmallRng::seed_from_u64(2);
         let bounds = block.bounds();
         let mut met = 0;
@@ -411,7 +525,7 @@ mod tests {
                 meets.then_some(gap)
             });
             let slow = slow.min_by(|a, b| a.abs().total_cmp(&b.abs()));
-            let found = grid.opposite_face(p, direction, [0.001, 0.002], 0.8);
+            let found = grid.opposite_face(p, direction, [0.001, 0.002]);
             assert_eq!(found.map(|f| f.gap), slow);
             met += usize::from(found.is_some());
         }

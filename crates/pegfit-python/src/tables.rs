@@ -54,9 +54,8 @@ impl TableRequest {
         let mut setup = parts.setup.clone();
         setup.half_extent = self.half_extent.or(setup.half_extent);
         let mut rotations = self.rotations.clone();
-        let (mut found, mut pair) = (None, None);
+        let mut found = None;
         match self.tolerance {
-            None if self.half_extent.is_none() => pair = Some((*parts.pair(watch)?).clone()),
             None => {}
             Some(_) if TableFiles::at(&self.path)?.exist()? => {
                 let store = TableStore::open(&self.path)?;
@@ -65,7 +64,7 @@ impl TableRequest {
                 rotations = store.spec().rotations.clone();
                 let mut finer = setup.clone();
                 finer.builder.spacing = Some(0.5 * store.spec().window.spacing());
-                let fine = finer.load(watch)?;
+                let fine = finer.load_in_window(watch)?;
                 found = Some(reference(&fine, fine.spacing())?);
             }
             Some(tolerance) => {
@@ -85,7 +84,7 @@ impl TableRequest {
                 });
             }
         }
-        let pair = pair.map_or_else(|| setup.load(watch), Ok)?;
+        let pair = setup.load_in_window(watch)?;
         let table = TablePlan::new(&setup, pair, rotations)?;
         Ok(Design {
             setup,

@@ -44,9 +44,25 @@ impl Assembly {
     /// # Errors
     /// As [`SceneSetup::pair`].
     pub fn new(setup: SceneSetup, monitor: &dyn Monitor) -> Result<Self, SceneError> {
+        Self::with(setup, |setup| setup.pair(monitor))
+    }
+
+    /// The same for poses near the fit ([`SceneSetup::pair_near_fit`]): of a large part far less is
+    /// computed. [`LivePairs`](crate::LivePairs) brings the rest.
+    ///
+    /// # Errors
+    /// As [`SceneSetup::pair`].
+    pub fn near_fit(setup: SceneSetup, monitor: &dyn Monitor) -> Result<Self, SceneError> {
+        Self::with(setup, |setup| setup.pair_near_fit(monitor))
+    }
+
+    fn with(
+        setup: SceneSetup,
+        pair: impl FnOnce(&SceneSetup) -> Result<Pair, SceneError>,
+    ) -> Result<Self, SceneError> {
         let began = Instant::now();
         Ok(Self {
-            pair: setup.pair(monitor)?,
+            pair: pair(&setup)?,
             setup,
             field_seconds: began.elapsed().as_secs_f64(),
         })

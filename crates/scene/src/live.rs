@@ -31,8 +31,8 @@ pub struct LivePairs {
 }
 
 impl LivePairs {
-    /// Loads what is in reach of the assembled pose; the rest follows while the loop runs. `assembly`
-    /// is that of the scene's first fixed part, whose energies `table` interpolates, in place of the
+    /// Loads what is in reach of the assembled pose; the rest follows while the loop runs, of a pair
+    /// near its fit ([`Assembly::near_fit`]) the whole. `assembly` is that of the scene's first fixed part, whose energies `table` interpolates, in place of the
     /// scene's own table. The thread that loads asks `monitor` whether to go on.
     ///
     /// # Errors
@@ -52,7 +52,13 @@ impl LivePairs {
                 Some(first) => (&files[first], Extent::of_spec(&pairs[first]), None),
                 None if index == 0 => {
                     let loaded = pair.first(&assembly, &mut warnings)?;
-                    (pair, Extent::of_loaded(&loaded), Some(loaded))
+                    let mut extent = Extent::of_loaded(&loaded);
+                    if pair.table.is_none() && !assembly.pair.is_whole() {
+                        let plan = assembly.setup.parts.plan_unlimited();
+                        let whole = plan.map_err(|e| scene.fields_error(e))?.bytes;
+                        extent.bytes = extent.bytes.max(whole);
+                    }
+                    (pair, extent, Some(loaded))
                 }
                 None => {
                     let moving = &assembly.setup.parts.moving;
@@ -71,6 +77,9 @@ impl LivePairs {
         }
         let (options, start) = (options(scene, &assembly), assembly.assembled());
         let live = LiveScene::start(pairs, options, &start).map_err(|e| explain(scene, e))?;
+        if files[0].table.is_none() && !assembly.pair.is_whole() {
+            live.reload(0);
+        }
         Ok(Self {
             assembly,
             live,

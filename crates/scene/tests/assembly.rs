@@ -8,7 +8,7 @@ use fft_correlate::{DirectOptions, EnergySource, Pose};
 use glam::{DQuat, DVec3};
 use haptic::scene::PairState;
 use pegfit_scene::{Assembly, LivePairs, Motion, Scene, SceneError, SceneSetup, SceneWarning};
-use sdf_grid::{Monitor, Silent, TriangleMesh, mesh_io, shapes::PegInHole};
+use sdf_grid::{Monitor, Silent, TriangleMesh, mesh_io, shapes, shapes::PegInHole};
 
 /// Enough for everything here.
 const MEMORY: u64 = 1 << 30;
@@ -210,4 +210,42 @@ fn a_part_in_two_places_is_felt_in_both() {
             "pair {pair}: {felt:?}, {expected}"
         );
     }
+}
+
+/// A small part at a large one begins with what is near the fit; the whole follows while the loop runs.
+#[test]
+fn a_large_part_is_felt_near_the_fit_first_and_everywhere_later() {
+    let folder = tempfile::tempdir().unwrap();
+    let plate = shapes::cuboid(DVec3::new(0.3, 0.2, 0.01)).unwrap();
+    let block = shapes::cuboid(DVec3::splat(0.01)).unwrap();
+    mesh_io::write_obj(folder.path().join("plate.obj"), &plate).unwrap();
+    mesh_io::write_obj(folder.path().join("block.obj"), &block).unwrap();
+    let text = "unit = \"m\"\n[fixed]\nmesh = \"plate.obj\"\n[moving]\nmesh = \"block.obj\"\n\
+                [fit]\nposition = [0.02, 0.03, 0.01]\n";
+    let scene = scene(folder.path(), &(text.to_owned() + COARSE));
+    let setup = || SceneSetup::read(scene.clone(), MEMORY).unwrap();
+    let whole = Assembly::new(setup(), &Silent).unwrap();
+    let near = Assembly::near_fit(setup(), &Silent).unwrap();
+    assert!(whole.pair.is_whole() && !near.pair.is_whole());
+    let nodes = |a: &Assembly| a.pair.fixed().lattice().len();
+    assert!(5 * nodes(&near) < nodes(&whole), "{}", nodes(&near));
+    let monitor: Arc<dyn Monitor + Send> = Arc::new(Silent);
+    let pairs = LivePairs::start(&scene, near, None, &monitor).unwrap();
+    let live = pairs.live.source();
+    let direct = whole.source(&DirectOptions::REAL_TIME).unwrap();
+    let energy = |source: &dyn EnergySource, x: f64| {
+        let pose = Pose::from_translation(DVec3::new(x, 0.03, 0.0098));
+        source.evaluate(&pose, &mut source.scratch()).energy
+    };
+    let here = energy(&direct, 0.02);
+    let off = (energy(live, 0.02) - here).abs();
+    assert!(here != 0.0 && off < 0.05 * here.abs(), "{off} of {here} J");
+    // Far from the fit, once the whole is there.
+    let there = energy(&direct, -0.12);
+    let felt = (0..1000).map(|_| {
+        std::thread::sleep(Duration::from_millis(10));
+        energy(live, -0.12)
+    });
+    let near = |felt: &f64| (felt - there).abs() < 1e-6 * there.abs();
+    assert!(felt.into_iter().any(|e| near(&e)), "{there} J");
 }

@@ -116,7 +116,7 @@ fn prepare(
         reference = Some(found);
         setup = setup.as_baked(store.spec());
     }
-    let pair = setup.pair(&context.progress)?;
+    let pair = setup.pair_in_window(&context.progress)?;
     context.progress.finish();
     let table = setup.design(pair)?;
     Ok((Design { setup, table }, reference))

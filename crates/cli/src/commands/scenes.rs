@@ -28,6 +28,13 @@ pub(super) fn load(scene: Scene, context: &Context) -> Result<Assembly, CommandE
     Ok(assembly)
 }
 
+/// The same for poses near the fit.
+pub(super) fn load_near_fit(scene: Scene, context: &Context) -> Result<Assembly, CommandError> {
+    let assembly = Assembly::near_fit(setup(scene, context)?, &context.progress)?;
+    context.progress.finish();
+    Ok(assembly)
+}
+
 pub(super) fn print_warnings(warnings: &[SceneWarning], context: &Context) {
     for warning in warnings {
         let kind = match warning {

@@ -195,7 +195,8 @@ impl DirectEvaluator {
         validate(options)?;
         let sides = [(Side::Fixed, pair.fixed()), (Side::Moving, pair.moving())];
         for (side, field) in sides {
-            check(side, field, pair.partial() == Some(side))?;
+            let partial = pair.partial().is_some_and(|p| p.side == side);
+            check(side, field, partial)?;
         }
         match pair.contact() {
             Some(contact) => Self::of_smoothed(pair, contact, options),

@@ -14,7 +14,8 @@ use sdf_grid::{
 use crate::pair::contact::{Contact, Smoothing, jump};
 use crate::pair::fields::{Pair, PairError};
 use crate::pair::interpolation::Interpolation;
-use crate::pair::model::{PairRecipe, ScoreModel, Side};
+use crate::pair::model::{PairRecipe, ScoreModel};
+use crate::pair::reach::ContactRegion;
 
 /// Lattice nodes of both parts together that [`default_spacing`] does not exceed.
 const DEFAULT_NODES: f64 = 6e6;
@@ -223,36 +224,20 @@ impl PairBuilder {
                 source,
             })?;
         let of_moving = sampling(Smoothing::of_moving);
-        let lattices = [
-            (&fixed_lattice, density.sampling),
-            (&moving_lattice, of_moving),
-        ];
-        Ok(PairPlan {
+        let kept = [&fixed_lattice, &moving_lattice].map(DensityField::memory_bytes);
+        let plan = PairPlan {
             model: *model,
             kernel,
-            bytes: self.bytes(lattices, spacing)?,
+            bytes: kept[0].saturating_add(kept[1]),
             fixed_lattice,
             moving_lattice,
             density,
             sampling_of_moving: of_moving,
             smoothing,
             pivot: spacing * (b.center() / spacing).round(),
-        })
-    }
-
-    /// Bytes of fields on these lattices, if making them takes no more than is allowed.
-    fn bytes(
-        &self,
-        lattices: [(&Lattice, Sampling); 2],
-        spacing: f64,
-    ) -> Result<u64, PairBuildError> {
-        let kept = lattices.map(|(lattice, _)| DensityField::memory_bytes(lattice));
-        let kept = kept[0].saturating_add(kept[1]);
-        // One field after the other.
-        let working = lattices.map(|(lattice, s)| DensityField::working_bytes(lattice, s));
-        let needed = kept.saturating_add(working[0].max(working[1]));
-        require_bytes(needed, self.memory_limit, spacing)?;
-        Ok(kept)
+        };
+        plan.require_bytes(plan.building_bytes(), self.memory_limit)?;
+        Ok(plan)
     }
 
     /// Plans and computes the pair.
@@ -268,18 +253,6 @@ impl PairBuilder {
     ) -> Result<Pair, PairBuildError> {
         let plan = self.plan(fixed, moving, model)?;
         plan.build(fixed, moving, None, monitor)
-    }
-}
-
-/// Refuses fields on a lattice of `spacing` metres that need more bytes than are allowed.
-fn require_bytes(needed: u64, limit: Option<u64>, spacing: f64) -> Result<(), PairBuildError> {
-    match limit {
-        Some(limit) if needed > limit => Err(PairBuildError::Memory {
-            needed,
-            limit,
-            spacing,
-        }),
-        _ => Ok(()),
     }
 }
 
@@ -327,7 +300,21 @@ impl PairPlan {
         needed: u64,
         limit: Option<u64>,
     ) -> Result<(), PairBuildError> {
-        require_bytes(needed, limit, self.spacing())
+        match limit {
+            Some(limit) if needed > limit => Err(PairBuildError::Memory {
+                needed,
+                limit,
+                spacing: self.spacing(),
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Bytes while the fields are made, one after the other.
+    pub(super) fn building_bytes(&self) -> u64 {
+        let fixed = DensityField::working_bytes(&self.fixed_lattice, self.density.sampling);
+        let moving = DensityField::working_bytes(&self.moving_lattice, self.sampling_of_moving);
+        self.bytes.saturating_add(fixed.max(moving))
     }
 
     /// How far smoothing spreads a density, metres.
@@ -374,19 +361,18 @@ impl PairPlan {
         cache: Option<&FieldCache>,
         monitor: &dyn Monitor,
     ) -> Result<Pair, PairBuildError> {
-        let contact = self.contact([fixed, moving], None)?;
+        let contact = self.contact([fixed, moving], &ContactRegion::Everywhere)?;
         let fixed = self.fixed_field(fixed, cache, monitor)?;
         let moving = self.moving_field(moving, cache, monitor)?;
         let pair = Pair::from_fields(fixed, moving, self.model, self.pivot, contact)?;
         Ok(pair.cached_in(cache.cloned()))
     }
 
-    /// What smoothing takes from the score, if densities are smoothed; only for poses at which the other
-    /// part lies in a box of one part's frame (metres), if one is given.
+    /// What smoothing takes from the score, if densities are smoothed.
     pub(super) fn contact(
         &self,
         parts: [&TriangleMesh; 2],
-        region: Option<(Side, Aabb)>,
+        region: &ContactRegion,
     ) -> Result<Option<Contact>, PairBuildError> {
         let Some(smoothing) = &self.smoothing else {
             return Ok(None);
@@ -455,5 +441,12 @@ pub(crate) fn coarser_pair(
     };
     let [fixed, moving] = contact.parts();
     let plan = builder.plan(fixed, moving, pair.model())?;
-    plan.build(fixed, moving, pair.cache(), &Silent)
+    match pair.partial() {
+        None => plan.build(fixed, moving, pair.cache(), &Silent),
+        Some(p) => {
+            let region = ContactRegion::Box(p.side, p.reached);
+            let reached = (p.side, p.reached);
+            plan.build_within([fixed, moving], reached, &region, pair.cache(), &Silent)
+        }
+    }
 }

@@ -4,11 +4,12 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use sdf_grid::{
-    Aabb, ContactError, ContactSum, DensityKernel, FieldRecipe, KernelError, Sampling, TriangleMesh,
+    ContactError, ContactSum, DensityKernel, FieldRecipe, KernelError, Sampling, TriangleMesh,
 };
 
 use crate::geometry::se3::Pose;
 use crate::pair::model::{PairRecipe, ScoreModel, Side};
+use crate::pair::reach::ContactRegion;
 
 /// Variance, in squared spacings, that reading a lattice by quadratic B-splines adds.
 const READING: f64 = 0.25;
@@ -125,20 +126,8 @@ pub(crate) struct ContactScore {
 }
 
 impl Contact {
-    /// Of two parts under a model with this [`jump`]; the one with the smaller surface is sampled.
-    ///
-    /// # Errors
-    /// As [`ContactSum::new`].
-    pub(crate) fn new(
-        fixed: &TriangleMesh,
-        moving: &TriangleMesh,
-        smoothing: &Smoothing,
-        jump: f64,
-    ) -> Result<Self, ContactError> {
-        Self::within([fixed, moving], smoothing, jump, None)
-    }
-
-    /// The same, only for poses at which the other part lies in a box of one part's frame, metres.
+    /// Of two parts under a model with this [`jump`], where it is to be summed; the part with the
+    /// smaller surface is sampled.
     ///
     /// # Errors
     /// As [`ContactSum::new`].
@@ -146,7 +135,7 @@ impl Contact {
         [fixed, moving]: [&TriangleMesh; 2],
         smoothing: &Smoothing,
         jump: f64,
-        region: Option<(Side, Aabb)>,
+        region: &ContactRegion,
     ) -> Result<Self, ContactError> {
         let sampled = match fixed.area() < moving.area() {
             true => Side::Fixed,
@@ -156,11 +145,9 @@ impl Contact {
             Side::Fixed => (moving, fixed),
             Side::Moving => (fixed, moving),
         };
-        // A region of the part that is sampled says nothing about the other.
-        let region = region.filter(|(side, _)| *side != sampled);
-        let region = region.as_ref().map(|(_, region)| region);
+        let region = region.of(sampled.other(), &samples.bounds());
         let lengths = [smoothing.width(), smoothing.samples()];
-        let sum = ContactSum::within(surface, samples, lengths, region)?;
+        let sum = ContactSum::within(surface, samples, lengths, region.as_ref())?;
         Ok(Self {
             sum: Arc::new(sum),
             parts: [fixed, moving].map(|part| Arc::new(part.clone())),
@@ -254,8 +241,9 @@ mod tests {
         let smoothing = Smoothing::new(0.6, 0.5e-3);
         let rotation = DQuat::from_scaled_axis(DVec3::new(0.2, -0.3, 0.1));
         let pose = Pose::new(rotation, DVec3::new(0.0135, 0.001, -0.0006));
-        let one = Contact::new(&large, &small, &smoothing, 2.0).unwrap();
-        let other = Contact::new(&small, &large, &smoothing, 2.0).unwrap();
+        let of = |parts| Contact::within(parts, &smoothing, 2.0, &ContactRegion::Everywhere);
+        let one = of([&large, &small]).unwrap();
+        let other = of([&small, &large]).unwrap();
         assert_eq!((one.sampled, other.sampled), (Side::Moving, Side::Fixed));
         let (a, b) = (one.score(&pose), other.score(&pose.inverse()));
         assert!(a.score.abs() > 5e-11, "in contact: {a:?}");

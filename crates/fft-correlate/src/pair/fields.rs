@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
 use rayon::prelude::*;
-use sdf_grid::{DensityField, FieldCache, KernelError, Sampling};
+use sdf_grid::{Aabb, DensityField, FieldCache, KernelError, Lattice, Sampling};
 
 use crate::geometry::se3::Pose;
 use crate::geometry::translation::TranslationWindow;
@@ -26,10 +26,21 @@ pub struct Pair {
     model: ScoreModel,
     pivot: DVec3,
     contact: Option<Contact>,
-    /// The part of whose density only some is there, which may hold no interior.
-    partial: Option<Side>,
+    /// The part of whose density only some is there.
+    partial: Option<Partial>,
     /// Where its fields came from, and where those of coarser lattices are looked for.
     cache: Option<FieldCache>,
+}
+
+/// The part of whose density only some is there, which may hold no interior.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Partial {
+    /// Which part.
+    pub(crate) side: Side,
+    /// The lattice of the whole part.
+    pub(crate) whole: Lattice,
+    /// Where the other part gets to, in this one's frame, metres.
+    pub(crate) reached: Aabb,
 }
 
 /// Why two fields do not make a pair.
@@ -134,28 +145,41 @@ impl Pair {
     }
 
     /// The same, of whose one part only some of the density is there.
-    pub(crate) fn of_a_part(self, side: Side) -> Self {
+    pub(crate) fn of_a_part(self, partial: Partial) -> Self {
         Self {
-            partial: Some(side),
+            partial: Some(partial),
             ..self
         }
     }
 
+    /// Whether the densities of both parts are there in full, and energies right at every pose: not of
+    /// a pair that was loaded for some poses only ([`crate::PairSetup::load_in`]).
+    pub fn is_whole(&self) -> bool {
+        self.partial.is_none()
+    }
+
     /// The part of whose density only some is there.
-    pub(crate) fn partial(&self) -> Option<Side> {
-        self.partial
+    pub(crate) fn partial(&self) -> Option<&Partial> {
+        self.partial.as_ref()
     }
 
     pub(crate) fn cache(&self) -> Option<&FieldCache> {
         self.cache.as_ref()
     }
 
-    /// Everything that the energies depend on.
+    /// Everything that the energies depend on: not which part of a lattice is there.
     pub fn recipe(&self) -> PairRecipe {
+        let recipe = |side: Side| {
+            let mut recipe = self.part(side).recipe.clone();
+            if let Some(partial) = self.partial.filter(|partial| partial.side == side) {
+                recipe.lattice = partial.whole;
+            }
+            Some(recipe)
+        };
         PairRecipe {
             model: self.model,
-            fixed: Some(self.fixed.recipe.clone()),
-            moving: Some(self.moving.recipe.clone()),
+            fixed: recipe(Side::Fixed),
+            moving: recipe(Side::Moving),
             pivot: self.pivot.to_array(),
         }
     }
@@ -251,7 +275,7 @@ impl Pair {
     pub fn mould_score(&self) -> f64 {
         let of = |side: Side| self.part(side).mould_score();
         let smaller = match self.partial {
-            Some(larger) => of(larger.other()),
+            Some(partial) => of(partial.side.other()),
             None => of(Side::Fixed).min(of(Side::Moving)),
         };
         self.model.lambda_exterior * self.model.lambda_interior * smaller

@@ -1,9 +1,11 @@
-//! The nodes that given poses of the moving part reach: of a large part beside a small one, few.
+//! The nodes that given poses of the moving part reach, or all poses of a window: of a large part beside
+//! a small one, few.
 
+use glam::DVec3;
 use sdf_grid::{Aabb, DensityField, FieldCache, Lattice, Monitor, TriangleMesh};
 
 use super::builder::{PairBuildError, PairPlan};
-use super::fields::Pair;
+use super::fields::{Pair, Partial};
 use crate::geometry::se3::Pose;
 use crate::pair::model::Side;
 
@@ -12,6 +14,59 @@ const MARGIN: f64 = 2.5;
 
 /// Poses are reached together if that needs at most so many times the nodes that each needs by itself.
 const TOGETHER: f64 = 1.5;
+
+/// Poses whose displacement of the moving part's pivot lies in a box, in all rotations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PoseWindow {
+    /// The pivot, metres, the moving part's frame.
+    pub(crate) pivot: DVec3,
+    /// Its displacements, metres.
+    pub(crate) displacements: Aabb,
+}
+
+impl PoseWindow {
+    /// Where a box of the other part gets to in one part's frame, metres.
+    pub(crate) fn reached(&self, side: Side, other: &Aabb) -> Aabb {
+        let places = [self.displacements.min, self.displacements.max].map(|d| self.pivot + d);
+        let places = Aabb::around(places);
+        let farthest = |from: &[DVec3]| {
+            let corners = corners(other).into_iter();
+            let distances = corners.flat_map(|c| from.iter().map(move |p| c.distance(*p)));
+            distances.fold(0.0, f64::max)
+        };
+        match side {
+            Side::Fixed => places.grown(farthest(&[self.pivot])),
+            Side::Moving => Aabb::around([self.pivot]).grown(farthest(&corners(&places))),
+        }
+    }
+}
+
+/// Where contact is to be summed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum ContactRegion {
+    /// Wherever the parts touch.
+    Everywhere,
+    /// At poses at which the other part lies in a box of one part's frame, metres.
+    Box(Side, Aabb),
+    /// At the poses of a window.
+    Window(PoseWindow),
+}
+
+impl ContactRegion {
+    /// Where the other part, of these bounds in its own frame, may touch the surface of one part, in
+    /// that one's frame, metres; none if anywhere.
+    pub(crate) fn of(&self, side: Side, other: &Aabb) -> Option<Aabb> {
+        match self {
+            Self::Everywhere => None,
+            // A box of one part says nothing about the other.
+            Self::Box(part, region) => (*part == side).then_some(*region),
+            Self::Window(window) => Some(window.reached(side, other)),
+        }
+    }
+}
+
+/// From this share of the whole part's bytes on, all of it is computed.
+const WHOLE: f64 = 0.8;
 
 /// Boxes of poses, at most: beyond, all are reached together.
 const MOST_GROUPS: usize = 16;
@@ -32,12 +87,8 @@ impl PairPlan {
             Side::Fixed => (&self.moving_lattice, *pose),
             Side::Moving => (&self.fixed_lattice, pose.inverse()),
         };
-        let bounds = lattice.node_bounds();
-        let corner = |i: usize| {
-            let side = |k: usize| [bounds.min, bounds.max][i >> k & 1][k];
-            to.apply([side(0), side(1), side(2)].into())
-        };
-        Aabb::around((0..8).map(corner)).grown(MARGIN * self.spacing())
+        let corners = corners(&lattice.node_bounds()).map(|c| to.apply(c));
+        Aabb::around(corners).grown(MARGIN * self.spacing())
     }
 
     /// The plan whose lattice of the larger part ends where poses no longer reach: energies there are
@@ -49,7 +100,77 @@ impl PairPlan {
             Side::Moving => &mut plan.moving_lattice,
         };
         *lattice = lattice.clipped(reached);
+        let kept = [&plan.fixed_lattice, &plan.moving_lattice].map(DensityField::memory_bytes);
+        plan.bytes = kept[0].saturating_add(kept[1]);
         plan
+    }
+
+    /// The pair for all poses at which the moving part's pivot is displaced within a box, metres, of
+    /// the larger part only what these reach: energies and wrenches there are those of the whole pair,
+    /// elsewhere they are not. The limit is for the bytes of what is computed.
+    ///
+    /// # Errors
+    /// As [`PairPlan::build`], and if the limit is exceeded.
+    pub(crate) fn build_in(
+        &self,
+        parts: [&TriangleMesh; 2],
+        displacements: Aabb,
+        limit: Option<u64>,
+        cache: Option<&FieldCache>,
+        monitor: &dyn Monitor,
+    ) -> Result<Pair, PairBuildError> {
+        let larger = Self::larger(parts[0], parts[1]);
+        let window = PoseWindow {
+            pivot: self.pivot,
+            displacements,
+        };
+        let smaller = match larger {
+            Side::Fixed => &self.moving_lattice,
+            Side::Moving => &self.fixed_lattice,
+        };
+        let reached = window.reached(larger, &smaller.node_bounds());
+        let plan = self.within(larger, &reached);
+        if plan.bytes as f64 > WHOLE * self.bytes as f64 {
+            self.require_bytes(self.building_bytes(), limit)?;
+            return self.build(parts[0], parts[1], cache, monitor);
+        }
+        plan.require_bytes(plan.building_bytes(), limit)?;
+        let region = ContactRegion::Window(window);
+        self.build_within(parts, (larger, reached), &region, cache, monitor)
+    }
+
+    /// The pair, of one part only what lies in a box of its frame, metres, and a little more.
+    ///
+    /// # Errors
+    /// As [`PairPlan::build`].
+    pub(crate) fn build_within(
+        &self,
+        parts: [&TriangleMesh; 2],
+        (side, reached): (Side, Aabb),
+        region: &ContactRegion,
+        cache: Option<&FieldCache>,
+        monitor: &dyn Monitor,
+    ) -> Result<Pair, PairBuildError> {
+        let plan = self.within(side, &reached.grown(MARGIN * self.spacing()));
+        let contact = self.contact(parts, region)?;
+        let fixed = plan.fixed_field(parts[0], cache, monitor)?;
+        let moving = plan.moving_field(parts[1], cache, monitor)?;
+        let pair = Pair::from_fields(fixed, moving, self.model, self.pivot, contact)?;
+        Ok(pair
+            .cached_in(cache.cloned())
+            .of_a_part(self.partial(side, reached)))
+    }
+
+    fn partial(&self, side: Side, reached: Aabb) -> Partial {
+        let whole = match side {
+            Side::Fixed => self.fixed_lattice,
+            Side::Moving => self.moving_lattice,
+        };
+        Partial {
+            side,
+            whole,
+            reached,
+        }
     }
 
     /// Pairs for groups of poses, of the larger part only what these reach: energies and wrenches at
@@ -73,13 +194,14 @@ impl PairPlan {
         };
         let build = |(reached, indices): (Aabb, Vec<usize>)| {
             let plan = self.within(larger, &reached);
-            let contact = self.contact([fixed, moving], Some((larger, reached)))?;
+            let region = ContactRegion::Box(larger, reached);
+            let contact = self.contact([fixed, moving], &region)?;
             let [fixed, moving] = match larger {
                 Side::Fixed => [plan.fixed_field(fixed, cache, monitor)?, smaller.clone()],
                 Side::Moving => [smaller.clone(), plan.moving_field(moving, cache, monitor)?],
             };
             let pair = Pair::from_fields(fixed, moving, self.model, self.pivot, contact)?;
-            Ok((pair.of_a_part(larger), indices))
+            Ok((pair.of_a_part(self.partial(larger, reached)), indices))
         };
         groups.into_iter().map(build).collect()
     }
@@ -124,6 +246,13 @@ impl PairPlan {
     }
 }
 
+fn corners(of: &Aabb) -> [DVec3; 8] {
+    std::array::from_fn(|i| {
+        let side = |k: usize| [of.min, of.max][i >> k & 1][k];
+        DVec3::new(side(0), side(1), side(2))
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
@@ -153,6 +282,52 @@ mod tests {
         let middle = setup.moving.bounds().center();
         let at = setup.fixed.bounds().center() + shift;
         Pose::new(turn, at - turn * middle)
+    }
+
+    /// In all corners of a window and rotations, whichever part stays.
+    #[test]
+    fn energies_in_a_window_are_those_of_the_whole_pair() {
+        let [plate, rod] = parts();
+        let mut rng = SmallRng::seed_from_u64(9);
+        for parts in [[&plate, &rod], [&rod, &plate]] {
+            let [fixed, moving] = parts.map(Clone::clone);
+            let mut setup = PairSetup::new(fixed, moving);
+            setup.builder.spacing = Some(1e-3);
+            setup.half_extent = Some(DVec3::new(0.004, 0.006, 0.003));
+            let middle = setup.moving.bounds().center();
+            let [fixed_middle, turn] = [setup.fixed.bounds().center(), DVec3::new(0.2, 0.1, 0.9)];
+            setup.assembled.rotation = DQuat::from_scaled_axis(turn);
+            setup.assembled.translation = fixed_middle - setup.assembled.rotation * middle;
+            let whole = setup.load(&Silent).unwrap();
+            let partial = setup.load_in_window(&Silent).unwrap();
+            let nodes = |p: &crate::Pair| p.fixed().lattice().len() + p.moving().lattice().len();
+            assert!(2 * nodes(&partial) < nodes(&whole), "{}", nodes(&partial));
+            assert_eq!(partial.recipe(), whole.recipe());
+            // In real time few points may be chosen otherwise of a part than of the whole.
+            let options = [
+                (DirectOptions::FULL, 1.0),
+                (DirectOptions::REAL_TIME, 300.0),
+            ];
+            for (options, times) in options {
+                let sources =
+                    [&whole, &partial].map(|p| DirectEvaluator::new(p, &options).unwrap());
+                let scale = whole.model().gamma * whole.mould_score();
+                let box_ = setup.displacements(whole.pivot());
+                for k in 0..8 {
+                    let share = |i: usize| if k >> i & 1 == 1 { 1.0 } else { 0.0 };
+                    let share = DVec3::new(share(0), share(1), share(2));
+                    let turn =
+                        DVec3::from_array(std::array::from_fn(|_| rng.random_range(-2.0..2.0)));
+                    let rotation = DQuat::from_scaled_axis(turn);
+                    let pose = whole.pose(rotation, box_.min + share * box_.size());
+                    let [a, b] = sources.each_ref().map(|s| s.evaluate_full(&pose).response);
+                    let off = (a.energy - b.energy).abs();
+                    assert!(off < 1e-4 * times * scale, "{k}: {off} of {scale} J");
+                    let off = a.wrench.force.distance(b.wrench.force);
+                    assert!(off < 1e-4 * times * scale / 1e-3, "{k}: {off} N");
+                }
+            }
+        }
     }
 
     /// Also where the smaller part is the one that stays, and where it is out of reach.

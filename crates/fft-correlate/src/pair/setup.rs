@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use rayon::prelude::*;
-use sdf_grid::{DensityError, FieldCache, KernelError, Monitor, TriangleMesh};
+use sdf_grid::{Aabb, DensityError, FieldCache, KernelError, Monitor, TriangleMesh};
 
 use crate::geometry::placement::Placement;
 use crate::geometry::se3::Pose;
@@ -124,6 +124,59 @@ impl PairSetup {
             .map_err(PairBuildError::from)?)
     }
 
+    /// The displacements of the pivot of interest, metres ([`PairSetup::reach`]), for a pair with this
+    /// pivot.
+    pub fn displacements(&self, pivot: DVec3) -> Aabb {
+        let middle = self.center + self.assembled.apply(pivot) - pivot;
+        let reach = self.reach();
+        Aabb::around([middle - reach, middle + reach])
+    }
+
+    /// The pair for poses in the setup's box of displacements: [`PairSetup::load_in`].
+    ///
+    /// # Errors
+    /// As it.
+    pub fn load_in_window(&self, monitor: &dyn Monitor) -> Result<Pair, PairSetupError> {
+        let pivot = self.plan_unlimited()?.pivot;
+        self.load_in(&self.displacements(pivot), monitor)
+    }
+
+    /// The pair for poses whose displacement of the pivot lies in a box, metres, in all rotations: of
+    /// the larger part the density is computed only where the smaller one gets. Energies and wrenches
+    /// at these poses are those of the whole pair ([`PairSetup::load`]); at others they are not.
+    ///
+    /// # Errors
+    /// As [`PairSetup::load`]; the memory limit is for what is computed.
+    pub fn load_in(
+        &self,
+        displacements: &Aabb,
+        monitor: &dyn Monitor,
+    ) -> Result<Pair, PairSetupError> {
+        let plan = self.plan_unlimited()?;
+        let pair = plan.build_in(
+            [&self.fixed, &self.moving],
+            // Nodes of a window lie up to a spacing beyond its box.
+            displacements.grown(2.0 * plan.spacing()),
+            self.builder.memory_limit,
+            self.cache.as_ref(),
+            monitor,
+        )?;
+        let pair = pair.with_gamma(self.gamma()?);
+        Ok(pair.map_err(PairBuildError::from)?)
+    }
+
+    /// [`PairSetup::plan`] whatever memory it needs: of a pair of which only a part is to be computed.
+    ///
+    /// # Errors
+    /// As [`PairBuilder::plan`], but for memory.
+    pub fn plan_unlimited(&self) -> Result<PairPlan, PairBuildError> {
+        let unlimited = PairBuilder {
+            memory_limit: None,
+            ..self.builder
+        };
+        unlimited.plan(&self.fixed, &self.moving, &self.model)
+    }
+
     /// The pair as far as some poses of the moving part reach: of the larger part the density is
     /// computed only where the smaller one gets. Energies and wrenches at these poses are those of the
     /// whole pair ([`PairSetup::load`]); at others they are not. Poses that lie far apart get pairs of
@@ -136,12 +189,8 @@ impl PairSetup {
         poses: &[Pose],
         monitor: &dyn Monitor,
     ) -> Result<Vec<(Pair, Vec<usize>)>, PairSetupError> {
-        let unlimited = PairBuilder {
-            memory_limit: None,
-            ..self.builder
-        };
         let parts = [&*self.fixed, &*self.moving];
-        let plan = unlimited.plan(parts[0], parts[1], &self.model)?;
+        let plan = self.plan_unlimited()?;
         plan.require_bytes(plan.bytes_at(parts, poses), self.builder.memory_limit)?;
         let gamma = self.gamma()?;
         let scaled = |(pair, indices): (Pair, Vec<usize>)| {

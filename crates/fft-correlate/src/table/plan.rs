@@ -3,6 +3,8 @@
 
 use std::fmt;
 
+use sdf_grid::Aabb;
+
 use crate::correlate::support::CorrelateError;
 use crate::correlate::{CorrelatorPlan, PairSupport};
 use crate::geometry::translation::TranslationWindow;
@@ -54,7 +56,7 @@ pub enum TablePlanError {
 impl TablePlan {
     /// The table of a setup's pair over its box of displacements and `rotations` (of
     /// the shapes), shortened by the
-    /// symmetry of either part. `pair` is [`PairSetup::load`]'s.
+    /// symmetry of either part. `pair` is [`PairSetup::load_in_window`]'s, or [`PairSetup::load`]'s.
     ///
     /// # Errors
     /// If the box has too many nodes.
@@ -63,9 +65,9 @@ impl TablePlan {
         pair: Pair,
         rotations: RotationDomain,
     ) -> Result<Self, TablePlanError> {
-        let middle = setup.center + pair.displacement(&setup.assembled);
-        let (reach, spacing) = (setup.reach(), pair.spacing());
-        let window = TranslationWindow::new(middle - reach, middle + reach, spacing)?;
+        let spacing = pair.spacing();
+        let Aabb { min, max } = setup.displacements(pair.pivot());
+        let window = TranslationWindow::new(min, max, spacing)?;
         let axes = [&setup.fixed, &setup.moving].map(|mesh| symmetry_on_lattice(mesh, spacing));
         let symmetry = table_symmetry(&rotations, &axes[0], &axes[1]);
         let spec = TableSpec {

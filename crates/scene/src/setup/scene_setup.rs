@@ -58,6 +58,30 @@ impl SceneSetup {
         (self.parts.load(monitor)).map_err(|e| self.scene.pair_error(e))
     }
 
+    /// The pair for poses in the scene's window ([`PairSetup::load_in_window`]).
+    ///
+    /// # Errors
+    /// As [`SceneSetup::pair`].
+    pub fn pair_in_window(&self, monitor: &dyn Monitor) -> Result<Pair, SceneError> {
+        (self.parts.load_in_window(monitor)).map_err(|e| self.scene.pair_error(e))
+    }
+
+    /// The pair for poses in the scene's window and as far around it as the moving part is long: where
+    /// a hand begins.
+    ///
+    /// # Errors
+    /// As [`SceneSetup::pair`].
+    pub fn pair_near_fit(&self, monitor: &dyn Monitor) -> Result<Pair, SceneError> {
+        let parts = &self.parts;
+        let plan = parts.plan_unlimited();
+        let pivot = plan.map_err(|e| self.scene.fields_error(e))?.pivot;
+        let longest = parts.moving.bounds().size().max_element();
+        let near = parts.displacements(pivot).grown(longest);
+        parts
+            .load_in(&near, monitor)
+            .map_err(|e| self.scene.pair_error(e))
+    }
+
     /// The pair as far as poses of the moving shape reach, in groups of near ones
     /// ([`PairSetup::load_at`]).
     ///

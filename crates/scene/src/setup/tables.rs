@@ -51,7 +51,7 @@ impl TableReference {
 }
 
 impl SceneSetup {
-    /// The table of the scene; `pair` is [`SceneSetup::pair`]'s.
+    /// The table of the scene; `pair` is [`SceneSetup::pair_in_window`]'s.
     ///
     /// # Errors
     /// If its window has too many nodes.
@@ -132,7 +132,7 @@ impl SceneSetup {
 
     /// What the error of a table with this `spec` is measured against: direct quadrature on densities
     /// of `spacing` (metres; the table's own if `None`), with the table's sampling and energy scale;
-    /// and the pair that it evaluates.
+    /// and the pair that it evaluates. Both are for poses of the table.
     ///
     /// # Errors
     /// As [`SceneSetup::pair`], or if a part has no interior on its lattice.
@@ -144,7 +144,9 @@ impl SceneSetup {
     ) -> Result<(TableReference, Pair), SceneError> {
         let mut parts = self.parts.as_baked(spec);
         parts.builder.spacing = spacing.or(parts.builder.spacing);
-        let pair = parts.load(monitor).map_err(|e| self.scene.pair_error(e))?;
+        let window = spec.window.node_bounds();
+        let pair = parts.load_in(&window, monitor);
+        let pair = pair.map_err(|e| self.scene.pair_error(e))?;
         Ok((self.reference_on(&pair)?, pair))
     }
 

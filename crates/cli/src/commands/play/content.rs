@@ -13,7 +13,7 @@ use pegfit_play::{Content, MOST_TRIANGLES, MeshMessage};
 use pegfit_scene::{Assembly, LivePairs, Scene, SceneSetup};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
-use sdf_grid::{DensityField, DensityKernel, Monitor, TriangleMesh};
+use sdf_grid::{DensityKernel, Monitor, TriangleMesh};
 use serde_json::{Value, json};
 
 use crate::commands::plot::on_plane;
@@ -130,12 +130,12 @@ impl SceneContent {
     }
 
     /// A part and where it is: the fixed one in the scene, the moving one as poses move it.
-    fn part(&self, name: &str) -> Option<(TriangleMesh, &DensityField, Pose)> {
-        let (setup, pair) = (&self.assembly.setup, &self.assembly.pair);
+    fn part(&self, name: &str) -> Option<(TriangleMesh, Pose)> {
+        let setup = &self.assembly.setup;
         let Placement { fixed, moving } = *setup.placement();
         match name {
-            "0" => Some((setup.placed_fixed(), pair.fixed(), fixed)),
-            "moving" => Some((setup.moving_at(&Pose::IDENTITY), pair.moving(), moving)),
+            "0" => Some((setup.placed_fixed(), fixed)),
+            "moving" => Some((setup.moving_at(&Pose::IDENTITY), moving)),
             _ => None,
         }
     }
@@ -184,7 +184,17 @@ impl SceneContent {
 
     /// A part's skeleton: points and their densities.
     fn skeleton(&self, name: &str) -> Option<Vec<u8>> {
-        let (_, field, pose) = self.part(name)?;
+        let (_, pose) = self.part(name)?;
+        let pair = &self.assembly.pair;
+        // Of a part that is there near the fit only, all of it.
+        let pair = match pair.is_whole() {
+            true => pair.clone(),
+            false => self.assembly.setup.pair(&CancelFlag(&self.over)).ok()?,
+        };
+        let field = match name {
+            "moving" => pair.moving(),
+            _ => pair.fixed(),
+        };
         let kernel = DensityKernel::new(self.assembly.pair.model().sigma).ok()?;
         let points = skeleton_points(field, &kernel).into_iter();
         let numbers = points.flat_map(|(point, value)| {
@@ -224,9 +234,17 @@ impl Content for SceneContent {
         };
         let found = (setup.dock(options, &CancelFlag(&self.over))).map_err(|e| e.to_string())?;
         // As the loop would have it there, not the search on its own lattice.
-        let source =
-            (self.assembly.source(&DirectOptions::REAL_TIME)).map_err(|e| e.to_string())?;
-        let mut scratch = source.scratch();
+        let poses: Vec<Pose> = found.poses.iter().map(|p| p.found.pose).collect();
+        let mut energies = vec![f64::NAN; poses.len()];
+        let pairs = setup.pairs_at(&poses, &CancelFlag(&self.over));
+        for (pair, indices) in pairs.map_err(|e| e.to_string())? {
+            let source = setup.direct(&pair, &DirectOptions::REAL_TIME);
+            let source = source.map_err(|e| e.to_string())?;
+            let mut scratch = source.scratch();
+            for index in indices {
+                energies[index] = source.evaluate(&poses[index], &mut scratch).energy;
+            }
+        }
         let places = found.poses.iter().enumerate().map(|(index, pose)| {
             let at = setup.placement().to_scene(&pose.found.pose);
             let (shift, turn) = self.assembly.from_fit(&at);
@@ -234,7 +252,7 @@ impl Content for SceneContent {
                 "{} joint, {:.0} nats, {:.1} mJ, {:.1} mm and {:.0}° from the fit",
                 pose.joint.kind.name(),
                 pose.hold.information,
-                1e3 * source.evaluate(&at, &mut scratch).energy,
+                1e3 * energies[index],
                 1e3 * shift,
                 turn.to_degrees()
             );

@@ -18,6 +18,7 @@ use serde_json::{Value, json};
 
 use crate::geometry::placement::Placement;
 use crate::pair::contact::{Contact, Smoothing, jump};
+use crate::pair::reach::{ContactRegion, PoseWindow};
 use crate::rotations::grid::RotationGrid;
 use crate::table::accuracy::ErrorReport;
 use crate::table::encode::Probe;
@@ -479,7 +480,13 @@ pub(super) fn read_surfaces(
         parts.push(part);
     }
     let jump = jump(&recipe.model).map_err(|e: KernelError| metadata("sigma", e.to_string()))?;
-    let contact = Contact::new(&parts[0], &parts[1], &smoothing, jump);
+    let window = &header.table.window;
+    let region = ContactRegion::Window(PoseWindow {
+        pivot: header.table.pivot(),
+        // What is read there goes on a little outside.
+        displacements: window.node_bounds().grown(3.0 * window.spacing()),
+    });
+    let contact = Contact::within([&parts[0], &parts[1]], &smoothing, jump, &region);
     contact
         .map(Some)
         .map_err(|e: ContactError| metadata("surfaces", e.to_string()))

@@ -172,11 +172,12 @@ fn quarter_of_a_table() -> LiveScene {
         bytes: 0,
         files: Vec::new(),
         same_as: None,
-        load: Box::new(move || {
+        load: Box::new(move |_| {
             let table = table.take().ok_or("opened twice")?;
             Ok(LoadedPair {
                 content: Content::Table(table),
                 reach: REACH,
+                right: None,
             })
         }),
     };

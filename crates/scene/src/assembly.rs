@@ -56,6 +56,14 @@ impl Assembly {
         Self::with(setup, |setup| setup.pair_near_fit(monitor))
     }
 
+    /// The same for poses in the scene's window ([`SceneSetup::pair_in_window`]).
+    ///
+    /// # Errors
+    /// As [`SceneSetup::pair`].
+    pub fn in_window(setup: SceneSetup, monitor: &dyn Monitor) -> Result<Self, SceneError> {
+        Self::with(setup, |setup| setup.pair_in_window(monitor))
+    }
+
     fn with(
         setup: SceneSetup,
         pair: impl FnOnce(&SceneSetup) -> Result<Pair, SceneError>,

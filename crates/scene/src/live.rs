@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use fft_correlate::{EnergyScale, Pair, PairSetup, TableStore};
 use glam::DVec3;
@@ -28,11 +29,31 @@ pub struct LivePairs {
     pub names: Vec<String>,
     /// What the user should know besides the assembly's own warnings.
     pub warnings: Vec<SceneWarning>,
+    /// Set when the thread that loads is no longer needed.
+    over: Arc<AtomicBool>,
+}
+
+impl Drop for LivePairs {
+    fn drop(&mut self) {
+        self.over.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Cancels when its pairs are dropped, or another monitor does.
+struct UntilDropped {
+    over: Arc<AtomicBool>,
+    inner: Arc<dyn Monitor + Send>,
+}
+
+impl Monitor for UntilDropped {
+    fn cancelled(&self) -> bool {
+        self.over.load(Ordering::Relaxed) || self.inner.cancelled()
+    }
 }
 
 impl LivePairs {
     /// Loads what is in reach of the assembled pose; the rest follows while the loop runs, of a pair
-    /// near its fit ([`Assembly::near_fit`]) the whole. `assembly` is that of the scene's first fixed part, whose energies `table` interpolates, in place of the
+    /// near its fit ([`Assembly::near_fit`]) what is near the hand. `assembly` is that of the scene's first fixed part, whose energies `table` interpolates, in place of the
     /// scene's own table. The thread that loads asks `monitor` whether to go on.
     ///
     /// # Errors
@@ -44,6 +65,11 @@ impl LivePairs {
         monitor: &Arc<dyn Monitor + Send>,
     ) -> Result<Self, SceneError> {
         let mut warnings = Vec::new();
+        let over = Arc::new(AtomicBool::new(false));
+        let monitor: Arc<dyn Monitor + Send> = Arc::new(UntilDropped {
+            over: Arc::clone(&over),
+            inner: Arc::clone(monitor),
+        });
         let files = PairFiles::all(scene, &assembly, table)?;
         let mut pairs: Vec<PairSpec> = Vec::with_capacity(files.len());
         for (index, pair) in files.iter().enumerate() {
@@ -52,13 +78,7 @@ impl LivePairs {
                 Some(first) => (&files[first], Extent::of_spec(&pairs[first]), None),
                 None if index == 0 => {
                     let loaded = pair.first(&assembly, &mut warnings)?;
-                    let mut extent = Extent::of_loaded(&loaded);
-                    if pair.table.is_none() && !assembly.pair.is_whole() {
-                        let plan = assembly.setup.parts.plan_unlimited();
-                        let whole = plan.map_err(|e| scene.fields_error(e))?.bytes;
-                        extent.bytes = extent.bytes.max(whole);
-                    }
-                    (pair, extent, Some(loaded))
+                    (pair, Extent::of_loaded(&loaded), Some(loaded))
                 }
                 None => {
                     let moving = &assembly.setup.parts.moving;
@@ -72,19 +92,17 @@ impl LivePairs {
                 bytes: extent.bytes,
                 files: source.watched(),
                 same_as,
-                load: source.clone().loader(loaded, Arc::clone(monitor)),
+                load: source.clone().loader(loaded, Arc::clone(&monitor)),
             });
         }
         let (options, start) = (options(scene, &assembly), assembly.assembled());
         let live = LiveScene::start(pairs, options, &start).map_err(|e| explain(scene, e))?;
-        if files[0].table.is_none() && !assembly.pair.is_whole() {
-            live.reload(0);
-        }
         Ok(Self {
             assembly,
             live,
             names: scene.fixed_parts().map(|p| p.name.clone()).collect(),
             warnings,
+            over,
         })
     }
 }
@@ -128,6 +146,8 @@ pub(super) struct PairFiles {
     pivot: DVec3,
     /// Bytes that computations may plan to use.
     memory: u64,
+    /// Whether other pairs share its source, which is therefore the whole one.
+    shared: bool,
 }
 
 /// What is known of a pair before it is loaded.
@@ -178,9 +198,15 @@ impl PairFiles {
                 table,
                 pivot: assembly.pair.pivot(),
                 memory: assembly.setup.memory,
+                shared: false,
             })
         });
-        files.collect()
+        let mut files: Vec<Self> = files.collect::<Result<_, SceneError>>()?;
+        for index in 0..files.len() {
+            let same = |other: &Self| other.is_same(&files[index]);
+            files[index].shared = files.iter().filter(|f| same(f)).count() > 1;
+        }
+        Ok(files)
     }
 
     /// Whether both are the same solids, wherever they stand, asked in the same way.
@@ -245,29 +271,41 @@ impl PairFiles {
         mut first: Option<LoadedPair>,
         monitor: Arc<dyn Monitor + Send>,
     ) -> Loader {
-        let load = move || -> Result<LoadedPair, LoadFailure> {
+        let load = move |at: DVec3| -> Result<LoadedPair, LoadFailure> {
             match first.take() {
                 Some(loaded) => Ok(loaded),
-                None => Ok(with_spare_core(|| self.load(&*monitor))??),
+                None => Ok(with_spare_core(|| self.load(at, &*monitor))??),
             }
         };
         Box::new(load)
     }
 
-    fn load(&self, monitor: &dyn Monitor) -> Result<LoadedPair, SceneError> {
+    /// Near a place of the pivot, metres, fixed shape's frame.
+    fn load(&self, at: DVec3, monitor: &dyn Monitor) -> Result<LoadedPair, SceneError> {
         // Opened first: a table that is not there is no reason to read meshes.
         let store = self.table.as_deref().map(TableStore::open).transpose()?;
         let setup = SceneSetup::read(self.scene.clone(), self.memory)?;
         match store {
             Some(store) => self.interpolated(store, &setup),
-            None => self.direct(&setup.parts, &setup.pair(monitor)?),
+            None => {
+                let pair = match self.shared {
+                    true => setup.pair(monitor)?,
+                    false => setup.pair_near(at - self.pivot, monitor)?,
+                };
+                self.direct(&setup.parts, &pair)
+            }
         }
     }
 
     fn direct(&self, parts: &PairSetup, pair: &Pair) -> Result<LoadedPair, SceneError> {
         let (bounds, radius) = self.bounds(parts);
-        LoadedPair::direct(pair, &bounds, radius)
-            .map_err(|e| SceneError::refused(&self.scene.path, "", e))
+        let loaded = LoadedPair::direct(pair, &bounds, radius);
+        let loaded = loaded.map_err(|e| SceneError::refused(&self.scene.path, "", e))?;
+        let right = pair.displacements();
+        Ok(LoadedPair {
+            right: right.map(|d| Aabb::around([self.pivot + d.min, self.pivot + d.max])),
+            ..loaded
+        })
     }
 
     /// The table, if it belongs to the parts as they are.

@@ -96,10 +96,11 @@ fn load(args: &FeelArgs, context: &Context) -> Result<LivePairs, CommandError> {
         scene.loading.turn_ahead = std::f64::consts::TAU;
     }
     let first = scene.clone().only(Some(&scene.fixed.name))?;
-    let assembly = match args.device {
+    let table = args.table.as_deref();
+    let assembly = match (&args.device, table.or(first.fixed.table.as_deref())) {
         // Runs without a hand are to be the same every time.
-        DeviceChoice::Simulated | DeviceChoice::Replay(_) => scenes::load(first, context)?,
-        DeviceChoice::Auto | DeviceChoice::Attached(..) => scenes::load_near_fit(first, context)?,
+        (DeviceChoice::Simulated | DeviceChoice::Replay(_), None) => scenes::load(first, context)?,
+        _ => scenes::load_for_hand(first, table, context)?,
     };
     // The thread that loads hears of Ctrl-C and shows no bars.
     let quiet: Arc<dyn Monitor + Send> = Arc::new(Progress::new(true));

@@ -28,9 +28,17 @@ pub(super) fn load(scene: Scene, context: &Context) -> Result<Assembly, CommandE
     Ok(assembly)
 }
 
-/// The same for poses near the fit.
-pub(super) fn load_near_fit(scene: Scene, context: &Context) -> Result<Assembly, CommandError> {
-    let assembly = Assembly::near_fit(setup(scene, context)?, &context.progress)?;
+/// The same as far as a hand needs it: for poses near the fit, or, with a table, of its window.
+pub(super) fn load_for_hand(
+    scene: Scene,
+    table: Option<&Path>,
+    context: &Context,
+) -> Result<Assembly, CommandError> {
+    let setup = setup(scene, context)?;
+    let assembly = match table.or(setup.scene.fixed.table.as_deref()) {
+        Some(_) => Assembly::in_window(setup, &context.progress)?,
+        None => Assembly::near_fit(setup, &context.progress)?,
+    };
     context.progress.finish();
     Ok(assembly)
 }

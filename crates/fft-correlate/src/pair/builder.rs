@@ -445,8 +445,7 @@ pub(crate) fn coarser_pair(
         None => plan.build(fixed, moving, pair.cache(), &Silent),
         Some(p) => {
             let region = ContactRegion::Box(p.side, p.reached);
-            let reached = (p.side, p.reached);
-            plan.build_within([fixed, moving], reached, &region, pair.cache(), &Silent)
+            plan.build_within([fixed, moving], p, &region, pair.cache(), &Silent)
         }
     }
 }

@@ -41,6 +41,9 @@ pub(crate) struct Partial {
     pub(crate) whole: Lattice,
     /// Where the other part gets to, in this one's frame, metres.
     pub(crate) reached: Aabb,
+    /// The displacements of the pivot for which that is so, in all rotations, metres; none of a pair
+    /// for listed poses.
+    pub(crate) displacements: Option<Aabb>,
 }
 
 /// Why two fields do not make a pair.
@@ -156,6 +159,12 @@ impl Pair {
     /// a pair that was loaded for some poses only ([`crate::PairSetup::load_in`]).
     pub fn is_whole(&self) -> bool {
         self.partial.is_none()
+    }
+
+    /// The displacements of the pivot, metres, at which energies are right if the pair is not whole:
+    /// those that it was loaded for ([`crate::PairSetup::load_in`]).
+    pub fn displacements(&self) -> Option<Aabb> {
+        self.partial.and_then(|partial| partial.displacements)
     }
 
     /// The part of whose density only some is there.

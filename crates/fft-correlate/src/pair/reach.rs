@@ -65,9 +65,6 @@ impl ContactRegion {
     }
 }
 
-/// From this share of the whole part's bytes on, all of it is computed.
-const WHOLE: f64 = 0.8;
-
 /// Boxes of poses, at most: beyond, all are reached together.
 const MOST_GROUPS: usize = 16;
 
@@ -107,14 +104,15 @@ impl PairPlan {
 
     /// The pair for all poses at which the moving part's pivot is displaced within a box, metres, of
     /// the larger part only what these reach: energies and wrenches there are those of the whole pair,
-    /// elsewhere they are not. The limit is for the bytes of what is computed.
+    /// elsewhere they are not. The whole where that needs more than a share of its bytes. The limit is for
+    /// the bytes of what is computed.
     ///
     /// # Errors
     /// As [`PairPlan::build`], and if the limit is exceeded.
     pub(crate) fn build_in(
         &self,
         parts: [&TriangleMesh; 2],
-        displacements: Aabb,
+        (displacements, most): (Aabb, f64),
         limit: Option<u64>,
         cache: Option<&FieldCache>,
         monitor: &dyn Monitor,
@@ -130,13 +128,15 @@ impl PairPlan {
         };
         let reached = window.reached(larger, &smaller.node_bounds());
         let plan = self.within(larger, &reached);
-        if plan.bytes as f64 > WHOLE * self.bytes as f64 {
+        if plan.bytes as f64 > most * self.bytes as f64 {
             self.require_bytes(self.building_bytes(), limit)?;
             return self.build(parts[0], parts[1], cache, monitor);
         }
         plan.require_bytes(plan.building_bytes(), limit)?;
         let region = ContactRegion::Window(window);
-        self.build_within(parts, (larger, reached), &region, cache, monitor)
+        let mut partial = self.partial(larger, reached);
+        partial.displacements = Some(displacements);
+        self.build_within(parts, &partial, &region, cache, monitor)
     }
 
     /// The pair, of one part only what lies in a box of its frame, metres, and a little more.
@@ -146,19 +146,20 @@ impl PairPlan {
     pub(crate) fn build_within(
         &self,
         parts: [&TriangleMesh; 2],
-        (side, reached): (Side, Aabb),
+        partial: &Partial,
         region: &ContactRegion,
         cache: Option<&FieldCache>,
         monitor: &dyn Monitor,
     ) -> Result<Pair, PairBuildError> {
-        let plan = self.within(side, &reached.grown(MARGIN * self.spacing()));
+        let reached = partial.reached.grown(MARGIN * self.spacing());
+        let plan = self.within(partial.side, &reached);
         let contact = self.contact(parts, region)?;
         let fixed = plan.fixed_field(parts[0], cache, monitor)?;
         let moving = plan.moving_field(parts[1], cache, monitor)?;
         let pair = Pair::from_fields(fixed, moving, self.model, self.pivot, contact)?;
-        Ok(pair
-            .cached_in(cache.cloned())
-            .of_a_part(self.partial(side, reached)))
+        let whole = self.partial(partial.side, partial.reached).whole;
+        let partial = Partial { whole, ..*partial };
+        Ok(pair.cached_in(cache.cloned()).of_a_part(partial))
     }
 
     fn partial(&self, side: Side, reached: Aabb) -> Partial {
@@ -170,6 +171,7 @@ impl PairPlan {
             side,
             whole,
             reached,
+            displacements: None,
         }
     }
 

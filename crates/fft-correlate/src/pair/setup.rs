@@ -132,7 +132,8 @@ impl PairSetup {
         Aabb::around([middle - reach, middle + reach])
     }
 
-    /// The pair for poses in the setup's box of displacements: [`PairSetup::load_in`].
+    /// The pair for poses in the setup's box of displacements; where that is most of it, the whole
+    /// ([`PairSetup::load_partly`]).
     ///
     /// # Errors
     /// As it.
@@ -141,22 +142,36 @@ impl PairSetup {
         self.load_in(&self.displacements(pivot), monitor)
     }
 
-    /// The pair for poses whose displacement of the pivot lies in a box, metres, in all rotations: of
-    /// the larger part the density is computed only where the smaller one gets. Energies and wrenches
-    /// at these poses are those of the whole pair ([`PairSetup::load`]); at others they are not.
+    /// The same for another box of displacements of the pivot, metres.
     ///
     /// # Errors
-    /// As [`PairSetup::load`]; the memory limit is for what is computed.
+    /// As [`PairSetup::load_partly`].
     pub fn load_in(
         &self,
         displacements: &Aabb,
+        monitor: &dyn Monitor,
+    ) -> Result<Pair, PairSetupError> {
+        self.load_partly(displacements, MOST_OF_IT, monitor)
+    }
+
+    /// The pair for poses whose displacement of the pivot lies in a box, metres, in all rotations: of
+    /// the larger part the density is computed only where the smaller one gets. Energies and wrenches
+    /// at these poses are those of the whole pair ([`PairSetup::load`]); at others they are not. The
+    /// whole pair where that needs more than the share `most` of its bytes.
+    ///
+    /// # Errors
+    /// As [`PairSetup::load`]; the memory limit is for what is computed.
+    pub fn load_partly(
+        &self,
+        displacements: &Aabb,
+        most: f64,
         monitor: &dyn Monitor,
     ) -> Result<Pair, PairSetupError> {
         let plan = self.plan_unlimited()?;
         let pair = plan.build_in(
             [&self.fixed, &self.moving],
             // Nodes of a window lie up to a spacing beyond its box.
-            displacements.grown(2.0 * plan.spacing()),
+            (displacements.grown(2.0 * plan.spacing()), most),
             self.builder.memory_limit,
             self.cache.as_ref(),
             monitor,
@@ -201,6 +216,9 @@ impl PairSetup {
         pairs.into_iter().map(scaled).collect()
     }
 }
+
+/// From this share of a pair on, all of it is computed for a table.
+const MOST_OF_IT: f64 = 0.8;
 
 /// What fixes the energy scale gamma of a pair: the shapes and the model alone, never where the parts
 /// lie.

@@ -13,8 +13,9 @@ use sdf_grid::Aabb;
 /// What a loader may fail with.
 pub type LoadFailure = Box<dyn std::error::Error + Send + Sync>;
 
-/// Makes the energy source of a pair; called on the loading thread, as often as the pair is loaded.
-pub type Loader = Box<dyn FnMut() -> Result<LoadedPair, LoadFailure> + Send>;
+/// Makes the energy source of a pair; called on the loading thread, as often as the pair is loaded, with
+/// the place of the moving part's pivot in the fixed shape's frame, metres.
+pub type Loader = Box<dyn FnMut(DVec3) -> Result<LoadedPair, LoadFailure> + Send>;
 
 /// The energy of a pair.
 pub enum Content {
@@ -36,6 +37,9 @@ pub struct LoadedPair {
     /// Where the moving part's pivot must be, in the fixed shape's frame, for the energy to differ
     /// from zero, metres.
     pub reach: Aabb,
+    /// Where in its reach the energy is right, if not everywhere: the pair is loaded again before the
+    /// pivot leaves it.
+    pub right: Option<Aabb>,
 }
 
 /// A fixed part and how to get the energy of the moving part against it.
@@ -76,6 +80,7 @@ impl LoadedPair {
                 source: Arc::new(source) as Arc<dyn EnergySource>,
             },
             reach: direct_reach(pair.model(), pair.fixed().recipe.halo, fixed, radius),
+            right: None,
         })
     }
 
@@ -88,6 +93,7 @@ impl LoadedPair {
         Ok(Self {
             content: Content::Table(Box::new(PartialTable::new(store)?)),
             reach,
+            right: None,
         })
     }
 }

@@ -18,6 +18,10 @@ use crate::scene::pair::{Content, LoadFailure, LoadedPair, PairSpec};
 use crate::scene::rotations::{RotationNode, Rotations, Step, TableRead, Tables, Viewpoint};
 use crate::scene::sum::{PlacedSource, SharedSource, SumSource};
 
+/// How far from the middle of where it is right a source is loaded again, shares of that box's sides: a
+/// quarter of them before its edge.
+const NEAR_EDGE: f64 = 0.25;
+
 /// How a scene is kept in memory.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SceneOptions {
@@ -125,10 +129,11 @@ impl ResidencyManager {
             .filter(|&i| self.entries[i].distance(point) <= 0.0)
             .collect();
         for &index in &near {
-            self.acquire(index).map_err(|source| LiveSceneError::Load {
-                pair: self.entries[index].spec.name.clone(),
-                source,
-            })?;
+            self.acquire(index, point)
+                .map_err(|source| LiveSceneError::Load {
+                    pair: self.entries[index].spec.name.clone(),
+                    source,
+                })?;
         }
         self.update_priorities(start);
         let (needed, budget) = (
@@ -195,9 +200,12 @@ impl ResidencyManager {
         }
         self.source.reclaim();
         let point = self.point(pose);
+        for entry in &mut self.entries {
+            entry.follow(point);
+        }
         match self.next(point) {
             Some(index) if self.make_room(index, point) => {
-                self.load(index);
+                self.load(index, point);
                 true
             }
             _ => self.load_rotations(pose),
@@ -311,10 +319,10 @@ impl ResidencyManager {
     }
 
     /// Loads a pair for which there is room, emits the event and publishes the new sum.
-    fn load(&mut self, index: usize) {
+    fn load(&mut self, index: usize, point: DVec3) {
         let again = self.entries[index].loaded.is_some();
         let began = Instant::now();
-        let what = match self.acquire(index) {
+        let what = match self.acquire(index, point) {
             Err(why) => SceneChange::Failed(why.to_string()),
             Ok(bytes) => {
                 let seconds = began.elapsed().as_secs_f64();
@@ -344,7 +352,7 @@ impl ResidencyManager {
 
     /// Loads a pair, or shares what was loaded for another. Returns the bytes that this takes. If
     /// it fails, what was loaded before stays.
-    fn acquire(&mut self, index: usize) -> Result<u64, LoadFailure> {
+    fn acquire(&mut self, index: usize, point: DVec3) -> Result<u64, LoadFailure> {
         let files = file_stats(&self.entries[index].spec.files);
         let shared = self.shared(index, &files);
         let more = u64::from(shared.is_none());
@@ -354,7 +362,7 @@ impl ResidencyManager {
         entry.loaded_stats = files;
         let result = match shared {
             Some(resident) => Ok((resident, None)),
-            None => entry.run_loader().map(into_resident),
+            None => entry.run_loader(point).map(into_resident),
         };
         match result {
             Ok((loaded, table)) => {
@@ -520,6 +528,8 @@ type FileStats = Vec<Option<(SystemTime, u64)>>;
 struct Resident {
     source: SharedSource,
     reach: Aabb,
+    /// Where it is right, if not everywhere.
+    right: Option<Aabb>,
     /// 0 for a table that is kept in part: its rotations count.
     bytes: u64,
 }
@@ -535,6 +545,8 @@ struct Entry {
     loaded_stats: FileStats,
     /// The files as they were at the last check.
     last_stats: FileStats,
+    /// Where the pivot was when the pair was last loaded, fixed shape's frame.
+    loaded_at: DVec3,
     reload: bool,
 }
 
@@ -548,21 +560,44 @@ impl Entry {
             group,
             loaded: None,
             state: PairState::Waiting,
+            loaded_at: DVec3::ZERO,
             reload: false,
         }
     }
 
     /// A loader that panics has failed; the pairs that are loaded go on.
-    fn run_loader(&mut self) -> Result<LoadedPair, LoadFailure> {
-        let load = AssertUnwindSafe(|| (self.spec.load)());
+    fn run_loader(&mut self, point: DVec3) -> Result<LoadedPair, LoadFailure> {
+        self.loaded_at = self.place(point);
+        let load = AssertUnwindSafe(|| (self.spec.load)(self.loaded_at));
         catch_unwind(load).unwrap_or_else(|panic| Err(panic_message(panic.as_ref()).into()))
+    }
+
+    /// A point of the scene in the fixed shape's frame.
+    fn place(&self, point: DVec3) -> DVec3 {
+        self.spec.placement.fixed.inverse().apply(point)
     }
 
     /// Metres from the reach to a point of the scene; 0 inside.
     fn distance(&self, point: DVec3) -> f64 {
-        let at = self.spec.placement.fixed.inverse().apply(point);
+        let at = self.place(point);
         let Aabb { min, max } = self.spec.reach;
         (min - at).max(at - max).max(DVec3::ZERO).length()
+    }
+
+    /// Requests a reload for a pivot that comes near the edge of where the source is right, unless it
+    /// was loaded about there.
+    fn follow(&mut self, point: DVec3) {
+        let Some(right) = self.loaded.as_ref().and_then(|loaded| loaded.right) else {
+            return;
+        };
+        let at = self.place(point);
+        let away = |from: DVec3| ((at - from) / right.size()).abs().max_element();
+        if self.distance(point) <= 0.0
+            && away(right.center()) > NEAR_EDGE
+            && away(self.loaded_at) > NEAR_EDGE
+        {
+            self.reload = true;
+        }
     }
 
     /// Requests a reload if the files differ from those loaded and have not changed since the last
@@ -582,7 +617,11 @@ impl Entry {
 
 /// The source that the pairs of a group share, and its table if that is kept in part.
 fn into_resident(loaded: LoadedPair) -> (Resident, Option<Rotations>) {
-    let LoadedPair { content, reach } = loaded;
+    let LoadedPair {
+        content,
+        reach,
+        right,
+    } = loaded;
     let (source, bytes, rotations) = match content {
         Content::Whole { source, bytes } => (SharedSource::new(source), bytes, None),
         Content::Table(table) => {
@@ -593,6 +632,7 @@ fn into_resident(loaded: LoadedPair) -> (Resident, Option<Rotations>) {
     let resident = Resident {
         source,
         reach,
+        right,
         bytes,
     };
     (resident, rotations)

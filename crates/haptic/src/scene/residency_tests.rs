@@ -45,7 +45,7 @@ fn pair(k: u32, loads: &Arc<AtomicU32>) -> PairSpec {
         bytes: 100,
         files: Vec::new(),
         same_as: None,
-        load: Box::new(move || {
+        load: Box::new(move |_| {
             loads.fetch_add(1, Ordering::Relaxed);
             Ok(LoadedPair {
                 content: Content::Whole {
@@ -53,6 +53,7 @@ fn pair(k: u32, loads: &Arc<AtomicU32>) -> PairSpec {
                     bytes: 100,
                 },
                 reach: REACH,
+                right: None,
             })
         }),
     }
@@ -223,9 +224,9 @@ fn what_cannot_be_loaded_leaves_what_was_there() {
     let mut spec = pair(0, &loads);
     let mut good = spec.load;
     let flag = Arc::clone(&broken);
-    spec.load = Box::new(move || {
+    spec.load = Box::new(move |at| {
         assert!(!flag.load(Ordering::Relaxed), "the mesh has a hole");
-        good()
+        good(at)
     });
     let (mut manager, source) = ResidencyManager::new(vec![spec], options(1000), &at(0.0));
     manager.load_in_reach(&at(0.0)).unwrap();
@@ -273,4 +274,40 @@ fn a_scene_loads_while_it_is_asked_and_ends_when_dropped() {
         std::thread::sleep(Duration::from_millis(1));
     }
     assert_eq!(scene.states(), [In, Waiting, In]);
+}
+
+/// A source that is right in a box about where it was loaded follows the part, and is loaded no more
+/// often than that needs, even where loading fails.
+#[test]
+fn a_source_that_is_right_near_the_part_follows_it() {
+    let loads = Arc::new(AtomicU32::new(0));
+    let mut spec = pair(1, &loads);
+    let counted = Arc::clone(&loads);
+    spec.load = Box::new(move |place| {
+        let count = counted.fetch_add(1, Ordering::Relaxed);
+        if count == 3 {
+            return Err("the disk is gone".into());
+        }
+        Ok(LoadedPair {
+            content: Content::Whole {
+                source: Arc::new(Push(1.0)),
+                bytes: 100,
+            },
+            reach: REACH,
+            right: Some(Aabb::around([place - 0.02, place + 0.02])),
+        })
+    });
+    let (mut manager, _source) = ResidencyManager::new(vec![spec], options(200), &at(1.0));
+    manager.load_in_reach(&at(1.0)).unwrap();
+    // A quarter of the box, 0.01 m, from its middle; beyond the reach nothing is asked.
+    for (x, expected) in [(1.009, 1), (1.011, 2), (1.02, 2), (1.03, 3), (1.2, 3)] {
+        settle(&mut manager, x);
+        assert_eq!(loads.load(Ordering::Relaxed), expected, "at {x}");
+    }
+    // A load that fails is not tried again until the part has moved on.
+    for (x, expected) in [(1.05, 4), (1.055, 4), (1.061, 5)] {
+        settle(&mut manager, x);
+        assert_eq!(loads.load(Ordering::Relaxed), expected, "at {x}");
+        assert_eq!(states(&manager), [In]);
+    }
 }

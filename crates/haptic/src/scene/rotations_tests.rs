@@ -34,10 +34,11 @@ fn pair(files: &TableFiles, x: f64) -> PairSpec {
         bytes: 0,
         files: Vec::new(),
         same_as: None,
-        load: Box::new(move || {
+        load: Box::new(move |_| {
             Ok(LoadedPair {
                 content: Content::Table(Box::new(PartialTable::new(open(&files))?)),
                 reach: REACH,
+                right: None,
             })
         }),
     }

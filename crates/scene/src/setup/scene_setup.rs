@@ -7,11 +7,15 @@ use fft_correlate::{
     Docking, DockingRequest, DockingResult, Pair, PairBuilder, PairSetup, Placement, Pose,
     RotationDomain,
 };
+use glam::DVec3;
 use sdf_grid::{Aabb, FieldCache, LengthUnit, Monitor, TriangleMesh};
 
 use crate::error::SceneError;
 use crate::scene::{Part, Scene};
 use crate::setup::parts::{SceneWarning, compare_scale, read_part};
+
+/// Near the fit a pair is computed in part if that is at most this share of it.
+const FAR_LESS: f64 = 0.35;
 
 /// A scene with one fixed part whose meshes have been read; nothing is computed yet.
 #[derive(Debug, Clone)]
@@ -66,20 +70,29 @@ impl SceneSetup {
         (self.parts.load_in_window(monitor)).map_err(|e| self.scene.pair_error(e))
     }
 
-    /// The pair for poses in the scene's window and as far around it as the moving part is long: where
-    /// a hand begins.
+    /// The pair for poses near the fit, where a hand begins; the whole one unless that is far more
+    /// ([`Pair::is_whole`]).
     ///
     /// # Errors
     /// As [`SceneSetup::pair`].
     pub fn pair_near_fit(&self, monitor: &dyn Monitor) -> Result<Pair, SceneError> {
-        let parts = &self.parts;
-        let plan = parts.plan_unlimited();
+        let plan = self.parts.plan_unlimited();
         let pivot = plan.map_err(|e| self.scene.fields_error(e))?.pivot;
+        self.pair_near(self.parts.displacements(pivot).center(), monitor)
+    }
+
+    /// The same for poses near a displacement of the pivot, metres: as far around it as the scene's
+    /// window goes and half the moving part is long.
+    ///
+    /// # Errors
+    /// As [`SceneSetup::pair`].
+    pub fn pair_near(&self, at: DVec3, monitor: &dyn Monitor) -> Result<Pair, SceneError> {
+        let parts = &self.parts;
         let longest = parts.moving.bounds().size().max_element();
-        let near = parts.displacements(pivot).grown(longest);
-        parts
-            .load_in(&near, monitor)
-            .map_err(|e| self.scene.pair_error(e))
+        let half = parts.reach() + 0.5 * longest;
+        let near = Aabb::around([at - half, at + half]);
+        let pair = parts.load_partly(&near, FAR_LESS, monitor);
+        pair.map_err(|e| self.scene.pair_error(e))
     }
 
     /// The pair as far as poses of the moving shape reach, in groups of near ones

@@ -99,7 +99,7 @@ fn play(
     context: &Context,
 ) -> Result<LoopReport, CommandError> {
     let first = scene.clone().only(Some(&scene.fixed.name))?;
-    let assembly = scenes::load_near_fit(first, context)?;
+    let assembly = scenes::load_for_hand(first, args.table.as_deref(), context)?;
     // The thread that loads hears of Ctrl-C and shows no bars.
     let quiet: Arc<dyn Monitor + Send> = Arc::new(Progress::new(true));
     let pairs = LivePairs::start(scene, assembly, args.table.as_deref(), &quiet)?;

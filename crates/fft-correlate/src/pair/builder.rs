@@ -15,7 +15,7 @@ use crate::pair::contact::{Contact, Smoothing, jump};
 use crate::pair::fields::{Pair, PairError};
 use crate::pair::interpolation::Interpolation;
 use crate::pair::model::{PairRecipe, ScoreModel};
-use crate::pair::reach::ContactRegion;
+use crate::pair::region::ContactRegion;
 
 /// Lattice nodes of both parts together that [`default_spacing`] does not exceed.
 const DEFAULT_NODES: f64 = 6e6;

@@ -9,7 +9,7 @@ use sdf_grid::{
 
 use crate::geometry::se3::Pose;
 use crate::pair::model::{PairRecipe, ScoreModel, Side};
-use crate::pair::reach::ContactRegion;
+use crate::pair::region::ContactRegion;
 
 /// Variance, in squared spacings, that reading a lattice by quadratic B-splines adds.
 const READING: f64 = 0.25;

@@ -5,7 +5,8 @@ pub(crate) mod contact;
 pub(crate) mod fields;
 pub(crate) mod interpolation;
 pub(crate) mod model;
-pub(crate) mod reach;
+mod reach;
+pub(crate) mod region;
 pub(crate) mod setup;
 
 pub use builder::{PairPlan, default_halo, default_spacing};

@@ -1,11 +1,11 @@
 //! The nodes that given poses of the moving part reach, or all poses of a window: of a large part beside
 //! a small one, few.
 
-use glam::DVec3;
 use sdf_grid::{Aabb, DensityField, FieldCache, Lattice, Monitor, TriangleMesh};
 
 use super::builder::{PairBuildError, PairPlan};
 use super::fields::{Pair, Partial};
+use super::region::{ContactRegion, PoseWindow, corners};
 use crate::geometry::se3::Pose;
 use crate::pair::model::Side;
 
@@ -14,56 +14,6 @@ const MARGIN: f64 = 2.5;
 
 /// Poses are reached together if that needs at most so many times the nodes that each needs by itself.
 const TOGETHER: f64 = 1.5;
-
-/// Poses whose displacement of the moving part's pivot lies in a box, in all rotations.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct PoseWindow {
-    /// The pivot, metres, the moving part's frame.
-    pub(crate) pivot: DVec3,
-    /// Its displacements, metres.
-    pub(crate) displacements: Aabb,
-}
-
-impl PoseWindow {
-    /// Where a box of the other part gets to in one part's frame, metres.
-    pub(crate) fn reached(&self, side: Side, other: &Aabb) -> Aabb {
-        let places = [self.displacements.min, self.displacements.max].map(|d| self.pivot + d);
-        let places = Aabb::around(places);
-        let farthest = |from: &[DVec3]| {
-            let corners = corners(other).into_iter();
-            let distances = corners.flat_map(|c| from.iter().map(move |p| c.distance(*p)));
-            distances.fold(0.0, f64::max)
-        };
-        match side {
-            Side::Fixed => places.grown(farthest(&[self.pivot])),
-            Side::Moving => Aabb::around([self.pivot]).grown(farthest(&corners(&places))),
-        }
-    }
-}
-
-/// Where contact is to be summed.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum ContactRegion {
-    /// Wherever the parts touch.
-    Everywhere,
-    /// At poses at which the other part lies in a box of one part's frame, metres.
-    Box(Side, Aabb),
-    /// At the poses of a window.
-    Window(PoseWindow),
-}
-
-impl ContactRegion {
-    /// Where the other part, of these bounds in its own frame, may touch the surface of one part, in
-    /// that one's frame, metres; none if anywhere.
-    pub(crate) fn of(&self, side: Side, other: &Aabb) -> Option<Aabb> {
-        match self {
-            Self::Everywhere => None,
-            // A box of one part says nothing about the other.
-            Self::Box(part, region) => (*part == side).then_some(*region),
-            Self::Window(window) => Some(window.reached(side, other)),
-        }
-    }
-}
 
 /// Boxes of poses, at most: beyond, all are reached together.
 const MOST_GROUPS: usize = 16;
@@ -246,13 +196,6 @@ impl PairPlan {
             .map(|(reached, _)| lattice(&self.within(larger, reached), larger));
         reached.fold(lattice(self, larger.other()), u64::saturating_add)
     }
-}
-
-fn corners(of: &Aabb) -> [DVec3; 8] {
-    std::array::from_fn(|i| {
-        let side = |k: usize| [of.min, of.max][i >> k & 1][k];
-        DVec3::new(side(0), side(1), side(2))
-    })
 }
 
 #[cfg(test)]

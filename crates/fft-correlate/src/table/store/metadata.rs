@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 
 use crate::geometry::placement::Placement;
 use crate::pair::contact::{Contact, Smoothing, jump};
-use crate::pair::reach::{ContactRegion, PoseWindow};
+use crate::pair::region::{ContactRegion, PoseWindow};
 use crate::rotations::grid::RotationGrid;
 use crate::table::accuracy::ErrorReport;
 use crate::table::encode::Probe;

@@ -61,7 +61,7 @@ pub use geometry::placement::Placement;
 pub use geometry::se3::{Pose, Twist, Wrench};
 pub use geometry::translation::TranslationWindow;
 pub use pair::builder::{PairBuildError, PairBuilder};
-pub use pair::fields::{Pair, PairError};
+pub use pair::fields::{FieldNodes, Pair, PairError};
 pub use pair::model::{ModelError, PairRecipe, ScoreModel};
 pub use pair::setup::{EnergyScale, EnergyScaleError, LatticeStep, PairSetup, PairSetupError};
 pub use rotations::domain::{AxisSymmetry, Part, RotationDomain, RotationError};

@@ -4,8 +4,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use fft_correlate::{
-    BakeResult, EnergyTable, ErrorReport, Launcher, Share, Storage, TableFiles, TablePlan,
-    TableSpec, TableStore, bake,
+    BakeResult, EnergyTable, ErrorReport, FieldNodes, Launcher, Share, Storage, TableFiles,
+    TablePlan, TableSpec, TableStore, bake,
 };
 use pegfit_scene::{Scene, SceneSetup, TableReference, held_out_poses};
 use serde::Serialize;
@@ -36,6 +36,8 @@ struct Summary {
     bytes_on_disk: u64,
     /// Metres.
     spacing: f64,
+    /// Nodes of both lattices: computed, since in reach of the window, and in all.
+    nodes: FieldNodes,
     complete: bool,
     error: Option<ErrorReport>,
 }
@@ -61,7 +63,13 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
     let seconds = began.elapsed().as_secs_f64();
     let mut store = stored::open(&args.output)?;
     let progress = stored::examine(&store, context)?;
-    let mut summary = summary(args, part, &report, &store, seconds)?;
+    let mut summary = summary(
+        args,
+        part,
+        &report,
+        &store,
+        (seconds, design.table.pair.nodes()),
+    )?;
     // Of several processes, the one that finds the table whole measures its error.
     if progress.finished == progress.rotations {
         let table = stored::load(&store, context)?;
@@ -262,7 +270,7 @@ fn summary(
     share: Part,
     report: &BakeResult,
     store: &TableStore,
-    seconds: f64,
+    (seconds, nodes): (f64, FieldNodes),
 ) -> Result<Summary, CommandError> {
     let bytes_dense = u64::try_from(store.spec().bytes(report.rotations)).unwrap_or(u64::MAX);
     Ok(Summary {
@@ -281,6 +289,7 @@ fn summary(
             .bytes_on_disk()
             .map_err(|e| CommandError::failure("table", e))?,
         spacing: store.spec().window.spacing(),
+        nodes,
         complete: false,
         error: None,
     })
@@ -310,6 +319,10 @@ fn print(summary: &Summary, progress: &stored::Progress) {
         display_bytes(summary.bytes_dense.saturating_sub(summary.bytes_on_disk)),
         display_bytes(summary.bytes_dense.saturating_sub(summary.bytes))
     );
+    let FieldNodes { computed, whole } = summary.nodes;
+    if computed < whole {
+        say!("densities at {computed} of {whole} nodes: what the window reaches");
+    }
     if let Some(told) = summary.share.description() {
         say!("{told}");
     }

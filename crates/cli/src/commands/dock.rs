@@ -6,7 +6,7 @@ use std::sync::Arc;
 use fft_correlate::dock::Ranking;
 use fft_correlate::mating::{Joint, JointKind};
 use fft_correlate::{
-    DockingPose, DockingRequest, DockingResult, Placement, Pose, ScoreModel, from_fit,
+    DockingPose, DockingRequest, DockingResult, FieldNodes, Placement, Pose, ScoreModel, from_fit,
 };
 use glam::DVec3;
 use pegfit_scene::SceneSetup;
@@ -36,6 +36,8 @@ struct Summary {
     energy_search: Option<EnergySummary>,
     /// Of the lattice whose energies are reported, metres.
     energy_spacing: Option<f64>,
+    /// Nodes of that lattice: computed, since in reach of the poses, and in all.
+    energy_nodes: Option<FieldNodes>,
     stages: Vec<fft_correlate::dock::SearchStage>,
     field_seconds: f64,
     seconds: f64,
@@ -262,12 +264,23 @@ fn summary(report: &DockingResult, placement: &Placement) -> Summary {
             milliseconds_per_rotation: 1e3 * s.seconds_per_rotation,
         }),
         energy_spacing: report.energy_spacing,
+        energy_nodes: report.energy_nodes,
         stages: report.stages.clone(),
         field_seconds: report.field_seconds,
         seconds: report.seconds(),
         poses: (report.poses.iter())
             .map(|pose| DockedPose::new(pose, placement))
             .collect(),
+    }
+}
+
+/// How much of the lattices was computed, where that is not all.
+fn in_reach(nodes: FieldNodes) -> String {
+    match nodes {
+        FieldNodes { computed, whole } if computed < whole => {
+            format!(" ({computed} of {whole} nodes are in reach)")
+        }
+        _ => String::new(),
     }
 }
 
@@ -420,10 +433,11 @@ fn print(setup: &SceneSetup, report: &DockingResult) {
         );
     }
     say!(
-        "ranked by {}; {:.1} s, of which {:.1} s for fields",
+        "ranked by {}; {:.1} s, of which {:.1} s for fields{}",
         ranked_by(report.ranking),
         report.seconds() + report.field_seconds,
-        report.field_seconds
+        report.field_seconds,
+        report.energy_nodes.map_or(String::new(), in_reach)
     );
     let unit = setup.display_unit();
     let metre = unit.in_metres();

@@ -23,7 +23,7 @@ use crate::dock::search::{needs_screening, rerank, search};
 use crate::geometry::se3::Pose;
 use crate::mating::{HeldPose, HoldReport, Joint, MatingSearch, MatingSearchOptions, SearchRegion};
 use crate::pair::builder::{PairBuildError, PairBuilder, PairPlan};
-use crate::pair::fields::Pair;
+use crate::pair::fields::{FieldNodes, Pair};
 use crate::pair::model::ScoreModel;
 use crate::pair::setup::PairSetup;
 use crate::rotations::domain::{RotationDomain, RotationError};
@@ -112,6 +112,8 @@ pub struct DockingResult {
     pub energy_search: Option<EnergySearch>,
     /// Spacing of the lattice that energies are of, metres; none if there are none.
     pub energy_spacing: Option<f64>,
+    /// Nodes of that lattice, where energies are of what the poses reach.
+    pub energy_nodes: Option<FieldNodes>,
     /// Why there are no energies, if the pair's fields cannot be computed.
     pub no_energies: Option<DockingError>,
     /// Wall time of the density fields, seconds.
@@ -283,8 +285,8 @@ impl<'a> Docking<'a> {
         let began = Instant::now();
         let energies = self.energies(&held, monitor);
         field_seconds += began.elapsed().as_secs_f64();
-        let (energies, energy_spacing, no_energies) = match energies {
-            Ok((energies, spacing)) => (energies, Some(spacing), None),
+        let (energies, lattice, no_energies) = match energies {
+            Ok((energies, spacing, nodes)) => (energies, Some((spacing, nodes)), None),
             Err(error) => (vec![PoseEnergies::NONE; held.len()], None, Some(error)),
         };
         let area = setup.moving.area();
@@ -295,7 +297,8 @@ impl<'a> Docking<'a> {
             lattices: self.lattices,
             symmetries: domain.symmetries,
             energy_search,
-            energy_spacing,
+            energy_spacing: lattice.map(|l| l.0),
+            energy_nodes: lattice.map(|l| l.1),
             no_energies,
             field_seconds,
             stages,
@@ -333,12 +336,12 @@ impl<'a> Docking<'a> {
         }
     }
 
-    /// Energies at poses in the fixed part's own frame, and the spacing of their lattice, metres.
+    /// Energies at poses in the fixed part's own frame, and spacing (metres) and nodes of their lattice.
     fn energies(
         &self,
         held: &[HeldPose],
         monitor: &dyn Monitor,
-    ) -> Result<(Vec<PoseEnergies>, f64), DockingError> {
+    ) -> Result<(Vec<PoseEnergies>, f64, FieldNodes), DockingError> {
         let setup = self.setup;
         let parts = [&*setup.fixed, &*setup.moving];
         let poses: Vec<Pose> = held.iter().map(|h| h.pose).collect();
@@ -363,8 +366,11 @@ impl<'a> Docking<'a> {
         plan.require_bytes(plan.bytes_at(parts, &poses), setup.builder.memory_limit)?;
         let gamma = setup.gamma()?;
         let mut found = vec![PoseEnergies::NONE; held.len()];
+        let mut nodes = FieldNodes::default();
         for (pair, indices) in plan.build_at(parts, &poses, setup.cache.as_ref(), monitor)? {
             let pair = pair.with_gamma(gamma)?;
+            nodes.computed += pair.nodes().computed;
+            nodes.whole = pair.nodes().whole;
             let weighed = with_docking_weights(&pair, self.search_options().ratio)?;
             let own = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
             let docking = DirectEvaluator::new(&weighed, &DirectOptions::FULL)?;
@@ -382,7 +388,7 @@ impl<'a> Docking<'a> {
                 found[i] = energies;
             }
         }
-        Ok((found, plan.spacing()))
+        Ok((found, plan.spacing(), nodes))
     }
 
     /// Poses of the lowest energy. A state file keeps the scores of a cancelled run.
@@ -433,6 +439,7 @@ impl<'a> Docking<'a> {
             lattices: self.lattices,
             symmetries: domain.symmetries,
             energy_spacing: Some(finest.spacing()),
+            energy_nodes: None,
             no_energies: None,
             field_seconds,
             energy_search: Some(EnergySearch {

@@ -6,6 +6,7 @@ use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
 use rayon::prelude::*;
 use sdf_grid::{Aabb, DensityField, FieldCache, KernelError, Lattice, Sampling};
+use serde::Serialize;
 
 use crate::geometry::se3::Pose;
 use crate::geometry::translation::TranslationWindow;
@@ -44,6 +45,15 @@ pub(crate) struct Partial {
     /// The displacements of the pivot for which that is so, in all rotations, metres; none of a pair
     /// for listed poses.
     pub(crate) displacements: Option<Aabb>,
+}
+
+/// Nodes of both parts' lattices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct FieldNodes {
+    /// Those that were computed, or found in a cache: what is in reach.
+    pub computed: usize,
+    /// Those of the whole pair.
+    pub whole: usize,
 }
 
 /// Why two fields do not make a pair.
@@ -159,6 +169,16 @@ impl Pair {
     /// a pair that was loaded for some poses only ([`crate::PairSetup::load_in`]).
     pub fn is_whole(&self) -> bool {
         self.partial.is_none()
+    }
+
+    /// Nodes that are there, and those that the whole pair has.
+    pub fn nodes(&self) -> FieldNodes {
+        let lattices = [&self.fixed, &self.moving].map(|field| field.lattice().len());
+        let computed = lattices[0] + lattices[1];
+        let whole = self.partial.map_or(computed, |partial| {
+            computed - self.part(partial.side).lattice().len() + partial.whole.len()
+        });
+        FieldNodes { computed, whole }
     }
 
     /// The displacements of the pivot, metres, at which energies are right if the pair is not whole:

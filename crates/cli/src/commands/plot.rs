@@ -33,7 +33,12 @@ pub(in crate::commands) fn run(args: &PlotArgs, context: &Context) -> Result<(),
     let along = args.along.as_deref();
     let plane = parse_plane(along.filter(|_| args.kind == PlotKind::Score))?;
     let motion = Along::parse(along.filter(|_| args.kind == PlotKind::Energy))?;
-    let assembly = scenes::load(scene, context)?;
+    let assembly = match args.kind {
+        PlotKind::Score | PlotKind::Energy | PlotKind::Well => {
+            scenes::load_in_window(scene, context)?
+        }
+        PlotKind::Density | PlotKind::Overlap | PlotKind::Force => scenes::load(scene, context)?,
+    };
     let slice = slice.unwrap_or_else(|| middle(&assembly));
     let picture = match args.kind {
         PlotKind::Density => densities(&assembly, &slice, context)?,

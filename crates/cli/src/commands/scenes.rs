@@ -28,6 +28,13 @@ pub(super) fn load(scene: Scene, context: &Context) -> Result<Assembly, CommandE
     Ok(assembly)
 }
 
+/// The same for poses in the scene's window.
+pub(super) fn load_in_window(scene: Scene, context: &Context) -> Result<Assembly, CommandError> {
+    let assembly = Assembly::in_window(setup(scene, context)?, &context.progress)?;
+    context.progress.finish();
+    Ok(assembly)
+}
+
 /// The same as far as a hand needs it: for poses near the fit, or, with a table, of its window.
 pub(super) fn load_for_hand(
     scene: Scene,

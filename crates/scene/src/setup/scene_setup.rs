@@ -62,12 +62,19 @@ impl SceneSetup {
         (self.parts.load(monitor)).map_err(|e| self.scene.pair_error(e))
     }
 
-    /// The pair for poses in the scene's window ([`PairSetup::load_in_window`]).
+    /// The pair for poses in the scene's window, and in a box of its size about the fit
+    /// ([`PairSetup::load_in`]).
     ///
     /// # Errors
     /// As [`SceneSetup::pair`].
     pub fn pair_in_window(&self, monitor: &dyn Monitor) -> Result<Pair, SceneError> {
-        (self.parts.load_in_window(monitor)).map_err(|e| self.scene.pair_error(e))
+        let parts = &self.parts;
+        let plan = parts.plan_unlimited();
+        let pivot = plan.map_err(|e| self.scene.fields_error(e))?.pivot;
+        let (fit, reach) = (parts.assembled.apply(pivot) - pivot, parts.reach());
+        let about_fit = Aabb::around([fit - reach, fit + reach]);
+        let window = parts.displacements(pivot).union(&about_fit);
+        (parts.load_in(&window, monitor)).map_err(|e| self.scene.pair_error(e))
     }
 
     /// The pair for poses near the fit, where a hand begins; the whole one unless that is far more

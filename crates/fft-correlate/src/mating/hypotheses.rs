@@ -37,6 +37,9 @@ const AXIS_PAIRS: usize = 300;
 const SPINS: usize = 24;
 const ALIGNED_SPINS: usize = 24;
 
+/// A part that more turns about an axis map onto itself is nearly round.
+const MOST_TURNS: usize = 64;
+
 /// Places along an axis from planes, and evenly, at most.
 const AXIAL_PLACES: usize = 40;
 const EVEN_PLACES: usize = 120;
@@ -78,6 +81,8 @@ pub(super) struct Hypotheses<'a> {
     round: Option<DVec3>,
     /// Motions that map the moving part onto itself.
     symmetries: &'a [Pose],
+    /// Whether poses that they make equal are all wanted, not one of them.
+    all_equal: bool,
 }
 
 impl<'a> Hypotheses<'a> {
@@ -86,7 +91,7 @@ impl<'a> Hypotheses<'a> {
         parts: [&'a SurfaceFeatures; 2],
         clearance: f64,
         round: Option<DVec3>,
-        symmetries: &'a [Pose],
+        (symmetries, all_equal): (&'a [Pose], bool),
     ) -> Self {
         Self {
             directions: parts.map(|p| directions(&p.planes)),
@@ -94,6 +99,7 @@ impl<'a> Hypotheses<'a> {
             clearance,
             round,
             symmetries,
+            all_equal,
         }
     }
 
@@ -101,7 +107,7 @@ impl<'a> Hypotheses<'a> {
     /// directions of the fixed part's, those with most area opposite first; one of those that the
     /// moving part's symmetry makes equal.
     pub(super) fn rotations(&self) -> Vec<DQuat> {
-        let symmetries = self.symmetries;
+        let symmetries = if self.all_equal { &[] } else { self.symmetries };
         let [fixed, moving] = &self.directions;
         let fixed = &fixed[..fixed.len().min(DIRECTIONS[0])];
         let moving = &moving[..moving.len().min(DIRECTIONS[1])];
@@ -371,8 +377,13 @@ impl<'a> Hypotheses<'a> {
             return vec![0.0];
         }
         let aligned = self.aligned_spins(base, along);
-        let period = TAU / self.turns_about(axis) as f64;
-        let even = (0..SPINS).map(|k| period * k as f64 / SPINS as f64);
+        let turns = self.turns_about(axis);
+        let step = TAU / (SPINS * turns) as f64;
+        let (count, period) = match self.all_equal {
+            true => (SPINS * turns, TAU),
+            false => (SPINS, TAU / turns as f64),
+        };
+        let even = (0..count).map(|k| step * k as f64);
         let aligned = aligned.into_iter().map(|s| s.0.rem_euclid(period));
         clustered(aligned.map(|s| (s, 1.0)).collect(), 1e-6, ALIGNED_SPINS)
             .into_iter()
@@ -384,7 +395,11 @@ impl<'a> Hypotheses<'a> {
     /// Turns about an axis of the moving part that map it onto itself.
     fn turns_about(&self, axis: DVec3) -> usize {
         let same = |s: &&Pose| (s.rotation * axis).dot(axis) > 1.0 - 1e-9;
-        self.symmetries.iter().filter(same).count().max(1)
+        self.symmetries
+            .iter()
+            .filter(same)
+            .count()
+            .clamp(1, MOST_TURNS)
     }
 
     /// Turns (radians, 0 to a full one) about an axis `along` of the moving part, which lies at

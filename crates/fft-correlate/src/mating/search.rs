@@ -91,6 +91,11 @@ pub struct SearchRegion {
 }
 
 impl SearchRegion {
+    /// Whether of poses that turn the moving part onto itself some may be out of the region.
+    fn turns_are_limited(&self) -> bool {
+        self.near.is_some() || self.rotations.is_some()
+    }
+
     /// Whether a pose lies in the region; `middle` is the moving part's, metres, its frame.
     fn contains(&self, pose: &Pose, middle: DVec3) -> bool {
         let near = |(at, distance, angle): &(Pose, f64, f64)| {
@@ -259,7 +264,10 @@ impl<'a> MatingSearch<'a> {
             [fixed, moving],
             self.contact.resolution,
             self.round,
-            &self.options.symmetries,
+            (
+                &self.options.symmetries,
+                self.options.region.turns_are_limited(),
+            ),
         )
     }
 

@@ -8,7 +8,9 @@ use sdf_grid::shapes::construction::circle;
 use sdf_grid::shapes::{cuboid, prism};
 use sdf_grid::{Silent, SurfaceFeatures, TriangleMesh, symmetry};
 
-use super::{HeldPose, Joint, JointKind, MatingContact, MatingSearch, MatingSearchOptions};
+use super::{
+    HeldPose, Joint, JointKind, MatingContact, MatingSearch, MatingSearchOptions, SearchRegion,
+};
 use crate::geometry::se3::Pose;
 use crate::rotations::search_rotations::symmetry_group;
 
@@ -376,5 +378,29 @@ fn a_gear_meshes_on_its_shaft() {
         let phase = (tooth.y.atan2(tooth.x) - PI) / pitch - 0.5;
         assert!((phase - phase.round()).abs() < 0.05, "{phase}");
         assert_eq!(found.joint.kind, JointKind::Prismatic, "{found:?}");
+    }
+}
+
+/// Of poses that the moving part's symmetry makes equal, those in the region are found.
+#[test]
+fn a_limited_region_holds_any_of_equal_poses() {
+    let (hole, peg) = PegInHole::Rectangular.pair(2e-4).unwrap();
+    let symmetries = symmetry_group(&symmetry::detect(&peg, 1e-6));
+    assert!(symmetries.len() > 1);
+    for turn in &symmetries {
+        let region = SearchRegion {
+            near: Some((*turn, 3e-3, 0.3)),
+            ..SearchRegion::default()
+        };
+        let options = MatingSearchOptions {
+            top: 1,
+            region,
+            symmetries: symmetries.clone(),
+            ..MatingSearchOptions::default()
+        };
+        let found = MatingSearch::new(&hole, &peg, options).run(&[], &Silent);
+        let first = found.first().expect("the fit");
+        assert!(first.pose.angle_to(turn) < 0.3, "{turn:?} {first:?}");
+        assert_eq!(first.joint.kind, JointKind::Prismatic, "{first:?}");
     }
 }

@@ -567,7 +567,9 @@ impl Entry {
 
     /// A loader that panics has failed; the pairs that are loaded go on.
     fn run_loader(&mut self, point: DVec3) -> Result<LoadedPair, LoadFailure> {
-        self.loaded_at = self.place(point);
+        let Aabb { min, max } = self.spec.reach;
+        // Where it first matters.
+        self.loaded_at = self.place(point).clamp(min, max);
         let load = AssertUnwindSafe(|| (self.spec.load)(self.loaded_at));
         catch_unwind(load).unwrap_or_else(|panic| Err(panic_message(panic.as_ref()).into()))
     }

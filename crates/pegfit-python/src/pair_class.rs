@@ -43,12 +43,18 @@ impl Parts {
     /// The pair, its fields computed the first time. Threads that ask at once compute them at once:
     /// a worker that waited for another might be the one that the other waits for.
     pub(crate) fn pair(&self, monitor: &dyn Monitor) -> Result<Arc<Pair>, Failure> {
-        let kept = || self.fields.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(pair) = kept().as_ref() {
-            return Ok(Arc::clone(pair));
+        if let Some(pair) = self.computed() {
+            return Ok(pair);
         }
         let pair = Arc::new(self.setup.load(monitor)?);
-        Ok(Arc::clone(kept().get_or_insert(pair)))
+        let mut kept = self.fields.lock().unwrap_or_else(PoisonError::into_inner);
+        Ok(Arc::clone(kept.get_or_insert(pair)))
+    }
+
+    /// The pair, if its fields have been computed.
+    pub(crate) fn computed(&self) -> Option<Arc<Pair>> {
+        let kept = self.fields.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.clone()
     }
 
     /// A direct evaluator, asked in the scene: on the pair's own lattice, or on one that meets a

@@ -54,9 +54,9 @@ impl TableRequest {
         let mut setup = parts.setup.clone();
         setup.half_extent = self.half_extent.or(setup.half_extent);
         let mut rotations = self.rotations.clone();
-        let mut found = None;
+        let (mut found, mut pair) = (None, None);
         match self.tolerance {
-            None => {}
+            None => pair = parts.computed().map(|pair| (*pair).clone()),
             Some(_) if TableFiles::at(&self.path)?.exist()? => {
                 let store = TableStore::open(&self.path)?;
                 store.expect_setup(&setup)?;
@@ -84,7 +84,7 @@ impl TableRequest {
                 });
             }
         }
-        let pair = setup.load_in_window(watch)?;
+        let pair = pair.map_or_else(|| setup.load_in_window(watch), Ok)?;
         let table = TablePlan::new(&setup, pair, rotations)?;
         Ok(Design {
             setup,

@@ -53,8 +53,9 @@ impl Monitor for UntilDropped {
 
 impl LivePairs {
     /// Loads what is in reach of the assembled pose; the rest follows while the loop runs, of a pair
-    /// near its fit ([`Assembly::near_fit`]) what is near the hand. `assembly` is that of the scene's first fixed part, whose energies `table` interpolates, in place of the
-    /// scene's own table. The thread that loads asks `monitor` whether to go on.
+    /// near its fit ([`Assembly::near_fit`]) what is near the hand. `assembly` is that of the scene's
+    /// first fixed part, whose energies `table` interpolates, in place of the scene's own table. The
+    /// thread that loads asks `monitor` whether to go on, and stops when the pairs are dropped.
     ///
     /// # Errors
     /// If a part in reach cannot be loaded or the parts in reach exceed the scene's memory.

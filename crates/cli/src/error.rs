@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use fft_correlate::StoreError;
+use pegfit_assemble::AssemblyError;
 use pegfit_path::PathError;
 use pegfit_pictures::{PictureError, SliceTextError};
 use pegfit_play::PlayError;
@@ -157,6 +158,15 @@ impl From<PathError> for CommandError {
     fn from(error: PathError) -> Self {
         match error {
             PathError::Cancelled => Self::Interrupted,
+            other => Self::Refused(Box::new(other)),
+        }
+    }
+}
+
+impl From<AssemblyError> for CommandError {
+    fn from(error: AssemblyError) -> Self {
+        match error {
+            AssemblyError::Cancelled => Self::Interrupted,
             other => Self::Refused(Box::new(other)),
         }
     }

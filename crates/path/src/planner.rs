@@ -204,7 +204,7 @@ impl PathSearch {
         let path = outwards.first().map(|_| {
             let mut path = self.result(&Pose::IDENTITY, &opened, &outwards[..1], None, &stop);
             path.effort = self.effort(&opened, search_seconds, began);
-            path.outwards()
+            path.reversed()
         });
         match monitor.cancelled() {
             true => Err(PathError::Cancelled),

@@ -119,7 +119,7 @@ impl PathResult {
     }
 
     /// The same path from the goal to the start; without energies and other paths.
-    pub(crate) fn outwards(mut self) -> Self {
+    pub fn reversed(mut self) -> Self {
         let whole = self.length();
         self.poses.reverse();
         for pose in &mut self.poses {

@@ -27,6 +27,7 @@ pub use field::point::density::UnitDensity;
 pub use field::point::reference::ReferenceDensity;
 pub use field::recipe::{FIELD_VERSION, FieldRecipe};
 pub use field::sampling::signed_distance::signed_distances;
+pub use frame::congruence::congruence;
 pub use frame::minimum_box::minimum_box_rotation;
 pub use frame::symmetry::{SymmetryAxis, SymmetryOrder};
 pub use mating::enclosure::Enclosure;

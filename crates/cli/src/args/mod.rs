@@ -72,6 +72,8 @@ pub(crate) enum Command {
     Path(PathArgs),
     /// Find the order in which the parts of a scene come apart, with a removal path for each
     Disassemble(DisassembleArgs),
+    /// Put loose parts together: which part belongs to which, where, and in which order
+    Assemble(AssembleArgs),
     /// Run the 1 kHz loop on a page, with the mouse as operator and the forces shown
     Play(PlayArgs),
     /// Run the 1 kHz haptic loop
@@ -596,6 +598,59 @@ pub(crate) struct DisassembleArgs {
     /// Write a page that plays all steps one after the other; it needs no other file
     #[arg(long, value_name = "PAGE.html")]
     pub(crate) html: Option<PathBuf>,
+}
+
+/// Arguments of `pegfit assemble`.
+#[derive(Debug, Args)]
+pub(crate) struct AssembleArgs {
+    /// Mesh files (OBJ, STL, PLY, glTF, 3MF, STEP), each with one solid or many, or folders of such
+    /// files; where the solids lie in them does not matter
+    #[arg(required = true)]
+    pub(crate) parts: Vec<PathBuf>,
+    /// Scene file to write, with all parts in their places; their meshes go into a folder beside it
+    #[arg(
+        short,
+        long,
+        value_name = "SCENE.toml",
+        default_value = "assembly.toml"
+    )]
+    pub(crate) output: PathBuf,
+    /// Report for programs: places, mates, order, other assemblies, what was tried [default: SCENE
+    /// with the ending .json]
+    #[arg(long, value_name = "FILE.json")]
+    pub(crate) report: Option<PathBuf>,
+    /// Write a page that puts the parts together step by step; it needs no other file
+    #[arg(long, value_name = "PAGE.html")]
+    pub(crate) html: Option<PathBuf>,
+    /// Part whose own frame is that of the assembly [default: the largest that is placed]
+    #[arg(long, value_name = "PART")]
+    pub(crate) fix: Option<String>,
+    /// Part whose place is known, in the frame of the assembly; may be repeated: x,y,z in metres and
+    /// a quaternion qx,qy,qz,qw
+    #[arg(long, value_name = "PART=POSE")]
+    pub(crate) place: Vec<String>,
+    /// Use only this part; may be repeated [default: all parts]
+    #[arg(long, value_name = "PART")]
+    pub(crate) only: Vec<String>,
+    /// Faces at most so far apart count as mating, in the unit of --unit [default: 4 % of each part's
+    /// size]
+    #[arg(long, value_name = "C")]
+    pub(crate) mating_clearance: Option<f64>,
+    /// Subassemblies that are kept at a time
+    #[arg(long, default_value_t = 4, value_name = "N")]
+    pub(crate) beam: usize,
+    /// Assemblies to report
+    #[arg(long, default_value_t = 3, value_name = "N")]
+    pub(crate) top: usize,
+    /// Give up on taking off one part or group after so many seconds; 0 does not take assemblies apart
+    #[arg(long, default_value_t = 10.0)]
+    pub(crate) seconds: f64,
+    /// Length unit of files that state none: m, cm, mm, um, inch or foot
+    #[arg(long, default_value = "mm")]
+    pub(crate) unit: LengthUnit,
+    /// How files are read.
+    #[command(flatten)]
+    pub(crate) reading: ReadChoice,
 }
 
 /// Arguments of `pegfit scene`.

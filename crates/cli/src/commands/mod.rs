@@ -6,6 +6,7 @@ use crate::error::{CommandError, refuse};
 use crate::memory;
 use crate::terminal::progress::Progress;
 
+mod assemble;
 mod bake;
 mod check;
 mod demo;
@@ -55,6 +56,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), CommandError> {
         Command::Dock(args) => dock::run(args, &context),
         Command::Path(args) => path::run(args, &context),
         Command::Disassemble(args) => disassemble::run(args, &context),
+        Command::Assemble(args) => assemble::run(args, &context),
         Command::Play(args) => play::run(args, &context),
         Command::Feel(args) => feel::run(args, &context),
         Command::Devices(args) => devices::run(args, &context),

@@ -21,12 +21,17 @@ const ENOUGH: f64 = 0.02;
 /// Opposite faces turn from each other by at most 20 degrees.
 const OPPOSITE_COSINE: f64 = 0.94;
 
-/// Samples that evaluate a pose, and those that screen hypotheses.
+/// Samples that evaluate a pose, those that screen hypotheses, and those that choose what to screen.
 const SAMPLES: usize = 1500;
 const FEW_SAMPLES: usize = 256;
+const FEWEST_SAMPLES: usize = 80;
 
 /// Samples of the fixed part, at most.
 const MOST_FIXED_SAMPLES: usize = 60_000;
+
+/// Hypotheses with less information are none, nats; less this where few samples tell it.
+const LEAST: f64 = 8.0;
+const MARGIN: f64 = 3.0;
 
 /// Clearance within which faces of hypotheses mate, root mean square radii of the moving part.
 const WIDEST: f64 = 0.06;
@@ -110,6 +115,7 @@ pub struct MatingContact {
     moving: FaceGrid,
     samples: Vec<SurfacePoint>,
     few: Vec<SurfacePoint>,
+    fewest: Vec<SurfacePoint>,
     /// Samples in each smooth patch of the moving part.
     patch_samples: Vec<u32>,
     fixed_samples: SampleCells,
@@ -167,6 +173,7 @@ impl MatingContact {
             fixed_depth: FaceGrid::new(fixed, resolution, OPPOSITE_COSINE),
             moving: FaceGrid::new(moving, resolution, OPPOSITE_COSINE),
             few: surface_points(moving, FEW_SAMPLES),
+            fewest: surface_points(moving, FEWEST_SAMPLES),
             patch_samples,
             fixed_samples: SampleCells::new(&surface_points(fixed, count), bounds.diagonal() / 8.0),
             fixed_weight: fixed.area() / moving.area(),
@@ -243,29 +250,29 @@ impl MatingContact {
     /// What ranks hypotheses: information within the coarse clearance, less what lies inside the
     /// fixed part; none where little mates or much lies inside.
     pub(super) fn screen(&self, pose: &Pose) -> Option<f64> {
-        const LEAST: f64 = 8.0;
-        let (clearance, limits) = (self.clearance, self.limits(self.clearance));
-        // A third of the samples finds most poses that are out of reach.
-        let touches = |s: &SurfacePoint| {
-            let (p, n) = (pose.apply(s.position), pose.rotation * s.normal);
-            (self.fixed.opposite_face(p, n, limits)).is_some()
-        };
-        if !self.few.iter().step_by(3).any(touches) {
-            return None;
-        }
-        let information = self.gramian_of(&self.few, pose, clearance).information();
-        if information < LEAST {
+        self.screen_by(pose, &self.few, LEAST)
+    }
+
+    /// The same by fewer samples: which hypotheses are worth more of them.
+    pub(super) fn screen_coarsely(&self, pose: &Pose) -> Option<f64> {
+        self.screen_by(pose, &self.fewest, LEAST - MARGIN)
+    }
+
+    fn screen_by(&self, pose: &Pose, samples: &[SurfacePoint], least: f64) -> Option<f64> {
+        let clearance = self.clearance;
+        let information = self.gramian_of(samples, pose, clearance).information();
+        if information < least {
             return None;
         }
         let mut inside = 0.0;
-        for s in &self.few {
+        for s in samples {
             let p = pose.apply(s.position);
             if self
                 .fixed_depth
                 .is_deeper(p, COARSELY_DEEP * self.resolution)
             {
                 inside += s.weight;
-                if information - INSIDE * inside < LEAST {
+                if information - INSIDE * inside < least {
                     return None;
                 }
             }

@@ -23,13 +23,17 @@ use crate::rotations::search_rotations::search_rotations;
 const OF_A_FAMILY: usize = 40;
 const OF_ALL: usize = 800;
 
+/// Poses of a family that few samples choose for each that goes on.
+const CHOSEN: usize = 4;
+
 /// Families of alike holes that are screened in all poses; others only where these were good.
 const SCREENED_ALIKE: usize = 4;
 
 /// Angle between the rotations of balls in cups, radians: 30 degrees.
 const BALL_STEP: f64 = std::f64::consts::FRAC_PI_6;
 
-/// Seated poses that slide home, and those whose overlap is measured.
+/// Seated poses that slide home, and those whose overlap is measured, at most; fewer if few are
+/// asked for.
 const SLIDING: usize = 60;
 const MEASURED: usize = 40;
 
@@ -205,7 +209,24 @@ impl<'a> MatingSearch<'a> {
     /// The poses that contact holds best, the best first; none if the surfaces have neither planes
     /// nor axes in common, or the monitor cancels. `others` are seated and ranked with them.
     pub fn run(&self, others: &[Pose], monitor: &dyn Monitor) -> Vec<HeldPose> {
-        let mut found = self.screened.get_or_init(|| self.screen(monitor)).clone();
+        let screened = self.screened.get_or_init(|| self.screen(monitor)).clone();
+        let homes = self.seated(screened, others, monitor);
+        self.ranked(&homes, monitor)
+    }
+
+    /// The same from given poses only: where contact holds the moving part near them.
+    pub fn settle(&self, poses: &[Pose], monitor: &dyn Monitor) -> Vec<HeldPose> {
+        let homes = self.seated(Vec::new(), poses, monitor);
+        self.ranked(&homes, monitor)
+    }
+
+    /// Distinct poses in which contact holds the part best near those given.
+    fn seated(
+        &self,
+        mut found: Vec<Candidate>,
+        others: &[Pose],
+        monitor: &dyn Monitor,
+    ) -> Vec<Candidate> {
         found.extend(others.iter().map(|pose| Candidate {
             pose: *pose,
             value: f64::INFINITY,
@@ -247,8 +268,7 @@ impl<'a> MatingSearch<'a> {
         });
         homes.extend(present.filter(|c| c.value > 0.0));
         homes.retain(|c| self.allows(&c.pose));
-        let homes = self.distinct(homes, near, SLIDING);
-        self.ranked(&homes, monitor)
+        self.distinct(homes, near, SLIDING)
     }
 
     /// Rotations, and those that the moving part's symmetry makes equal to them.
@@ -349,10 +369,19 @@ impl<'a> MatingSearch<'a> {
                 return Vec::new();
             }
             for pose in some.iter().filter(|p| self.allows(p)) {
-                let value = self.contact.screen(pose);
+                let value = self.contact.screen_coarsely(pose);
                 found.extend(value.map(|value| Candidate { pose: *pose, value }));
             }
         }
+        let chosen = self.distinct(found, 0.5 * self.contact.resolution, CHOSEN * OF_A_FAMILY);
+        let screen = |c: &Candidate| {
+            let value = self.contact.screen(&c.pose)?;
+            Some(Candidate {
+                pose: c.pose,
+                value,
+            })
+        };
+        let found = chosen.iter().filter_map(screen).collect();
         monitor.advance(1);
         self.distinct(found, self.contact.resolution, OF_A_FAMILY)
     }
@@ -386,7 +415,7 @@ impl<'a> MatingSearch<'a> {
         // One of the poses that the moving part's symmetry makes equal.
         let kept = self.same.distinct(
             homes.iter().map(|c| &c.pose),
-            MEASURED.max(2 * self.options.top),
+            MEASURED.min(4 * self.options.top).max(16),
         );
         let query = InterferenceQuery::new(self.fixed, self.moving);
         monitor.begin("measuring overlaps", kept.len() as u64);
@@ -423,19 +452,26 @@ impl<'a> MatingSearch<'a> {
                 members.sort_by(|a, b| away(a).total_cmp(&away(b)));
             }
             let (first, pose) = members[0];
+            let alike = members[1..].iter().map(|m| m.1).collect();
             let found = HeldPose {
                 pose,
-                joint: match monitor.cancelled() {
-                    true => Joint::default(),
-                    false => self.contact.joint(&pose),
-                },
-                alike: members[1..].iter().map(|m| m.1).collect(),
+                alike,
                 ..measured[first].clone()
             };
-            match monitor.cancelled() {
-                true => found,
-                false => self.representative(&query, &hypotheses, found),
+            if monitor.cancelled() {
+                return found;
             }
+            let shown = |found: HeldPose| {
+                let joint = self.contact.joint(&found.pose);
+                self.representative(&query, &hypotheses, HeldPose { joint, ..found })
+            };
+            let mut best = shown(found);
+            if best.pose != pose {
+                // The same turn elsewhere.
+                let turned = |pose: &Pose| shown(self.measure(&query, pose)).pose;
+                best.alike = best.alike.par_iter().map(turned).collect();
+            }
+            best
         };
         groups.par_iter().map(report).collect()
     }

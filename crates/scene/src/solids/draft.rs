@@ -7,6 +7,9 @@ use crate::setup::parts::joined;
 use crate::solids::error::ImportError;
 use crate::solids::solid_set::SolidSet;
 
+/// No farther than the default halo of what moves, whatever it meets: a share of its diagonal.
+const REACH: f64 = 0.375;
+
 /// A scene of some of a file's solids, before it is written.
 #[derive(Debug, Clone)]
 pub struct SceneDraft<'a> {
@@ -57,8 +60,7 @@ impl SolidSet {
             boxes.fold(Aabb::EMPTY, |all, b| all.union(b))
         };
         let moving_box = around(&moves);
-        // No farther than the default halo of what moves, whatever it meets.
-        let reach = 0.375 * moving_box.diagonal();
+        let reach = REACH * moving_box.diagonal();
         let (mut near, mut far) = (Vec::new(), Vec::new());
         for (i, found) in bounds.iter().enumerate() {
             let stays = match stays.is_empty() {
@@ -78,18 +80,37 @@ impl SolidSet {
                 reach,
             });
         }
-        let what_moves = self.together(&moves)?;
+        self.divided([moves, near, far], separate)
+    }
+
+    /// A scene of all solids: one moves, every other one is a part that stays.
+    ///
+    /// # Errors
+    /// If a mesh is unusable.
+    pub fn all_but(&self, moving: usize) -> Result<SceneDraft<'_>, ImportError> {
+        let stays = (0..self.solids.len()).filter(|i| *i != moving);
+        self.divided([vec![moving], stays.collect(), Vec::new()], true)
+    }
+
+    /// Solids that move, stay, and are left out.
+    fn divided(
+        &self,
+        [moving, fixed, left_out]: [Vec<usize>; 3],
+        separate: bool,
+    ) -> Result<SceneDraft<'_>, ImportError> {
+        let what_moves = self.together(&moving)?;
+        let reach = REACH * what_moves.bounds().diagonal();
         let mut spacing = f64::INFINITY;
-        for part in self.parts(&near, separate) {
+        for part in self.parts(&fixed, separate) {
             spacing = spacing.min(default_spacing(&self.together(&part)?, &what_moves, reach));
         }
         Ok(SceneDraft {
             set: self,
             spacing,
-            half_extent: 0.5 * moving_box.size().max_element(),
-            moving: moves,
-            fixed: near,
-            left_out: far,
+            half_extent: 0.5 * what_moves.bounds().size().max_element(),
+            moving,
+            fixed,
+            left_out,
             separate,
             unit: self.unit,
         })

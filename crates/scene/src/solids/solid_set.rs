@@ -132,6 +132,28 @@ impl SolidSet {
         })
     }
 
+    /// Parts that were put together: name, surface in its own frame, and place of each. `source` is
+    /// what they were made of, `unit` that of the scene's lengths.
+    pub fn assembled(
+        source: impl Into<PathBuf>,
+        parts: impl IntoIterator<Item = (String, TriangleMesh, Pose)>,
+        unit: LengthUnit,
+    ) -> Self {
+        let solid = |(group, (name, mesh, pose))| PlacedSolid {
+            name,
+            group,
+            pose,
+            mesh,
+            in_file: None,
+        };
+        Self {
+            path: source.into(),
+            solids: parts.into_iter().enumerate().map(solid).collect(),
+            ledger: Ledger::default(),
+            unit,
+        }
+    }
+
     fn of_mesh_file(path: &Path, options: &SolidOptions) -> Result<Self, ImportError> {
         let whole = ReadOptions::choosing(options.unit, None, options.segments_per_turn)
             .within(options.step_time_limit, options.lossy);
@@ -184,6 +206,11 @@ impl SolidSet {
             ledger: file.ledger(&whole),
             unit: if small { LengthUnit::Mm } else { stated },
         })
+    }
+
+    /// Unit for the lengths of a scene of these solids.
+    pub fn unit(&self) -> LengthUnit {
+        self.unit
     }
 
     /// Numbers and names of what can be chosen, one for each group.

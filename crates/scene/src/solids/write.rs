@@ -81,7 +81,7 @@ impl<'a> Writer<'a> {
         let draft = self.draft;
         let source = draft.set.path.file_name().unwrap_or_default();
         let mut text = format!(
-            "# Made of {} by `pegfit scene`; docs/scene.md describes every key.\nunit = \"{}\"\n",
+            "# Made of {} by pegfit; docs/scene.md describes every key.\nunit = \"{}\"\n",
             source.to_string_lossy(),
             draft.unit
         );

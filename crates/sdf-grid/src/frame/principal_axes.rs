@@ -7,6 +7,11 @@ use crate::mesh::triangle_mesh::TriangleMesh;
 
 /// The principal axes of the surface's second moments about `center`.
 pub(super) fn principal_axes(mesh: &TriangleMesh, center: DVec3) -> [DVec3; 3] {
+    principal_moments(mesh, center).map(|(_, axis)| axis)
+}
+
+/// The surface's second moments about `center`, in no order, each with its axis.
+pub(super) fn principal_moments(mesh: &TriangleMesh, center: DVec3) -> [(f64, DVec3); 3] {
     let mut moments = DMat3::ZERO;
     for face in mesh.faces() {
         let area = face_area(face);
@@ -17,15 +22,15 @@ pub(super) fn principal_axes(mesh: &TriangleMesh, center: DVec3) -> [DVec3; 3] {
             moments += outer(v) * (area / 12.0);
         }
     }
-    eigenvectors(moments)
+    eigen(moments)
 }
 
 fn outer(v: DVec3) -> DMat3 {
     DMat3::from_cols(v * v.x, v * v.y, v * v.z)
 }
 
-/// Eigenvectors of a symmetric matrix by cyclic Jacobi rotations.
-fn eigenvectors(mut m: DMat3) -> [DVec3; 3] {
+/// Eigenvalues and eigenvectors of a symmetric matrix by cyclic Jacobi rotations.
+fn eigen(mut m: DMat3) -> [(f64, DVec3); 3] {
     let mut vectors = DMat3::IDENTITY;
     // Convergence is quadratic: a handful of sweeps reaches rounding for any 3 x 3 matrix.
     for _ in 0..16 {
@@ -47,5 +52,5 @@ fn eigenvectors(mut m: DMat3) -> [DVec3; 3] {
             vectors *= turn;
         }
     }
-    [vectors.x_axis, vectors.y_axis, vectors.z_axis]
+    [0, 1, 2].map(|k| (m.col(k)[k], vectors.col(k)))
 }

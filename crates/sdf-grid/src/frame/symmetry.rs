@@ -8,11 +8,11 @@
 
 use std::f64::consts::PI;
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DQuat, DVec3};
 use serde::Serialize;
 
+use crate::frame::matching::{SurfaceSamples, vertex_rotations};
 use crate::frame::principal_axes::principal_axes;
-use crate::mesh::measure::face_area;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::bvh::tree::Bvh;
 
@@ -63,7 +63,7 @@ pub fn detect(mesh: &TriangleMesh, tolerance: f64) -> Vec<SymmetryAxis> {
     let centroid = mesh.centroid();
     let part = Part {
         bvh: Bvh::build(mesh),
-        samples: Samples::from_mesh(mesh, centroid),
+        samples: SurfaceSamples::new(mesh, centroid),
         centroid,
         tolerance,
     };
@@ -75,7 +75,7 @@ pub fn detect(mesh: &TriangleMesh, tolerance: f64) -> Vec<SymmetryAxis> {
         }
     }
     if axes.is_empty() {
-        for turn in vertex_turns(mesh, centroid, tolerance) {
+        for turn in part.turns(mesh) {
             // Most candidates fail here after a few samples; finding an order takes far longer.
             if part.knows(&axes, turn.axis) || !part.maps_onto_itself(turn.axis, turn.angle) {
                 continue;
@@ -113,12 +113,19 @@ fn continuous(axes: &[SymmetryAxis]) -> impl Iterator<Item = DVec3> + '_ {
 /// A part ready to be turned.
 struct Part {
     bvh: Bvh,
-    samples: Samples,
+    samples: SurfaceSamples,
     centroid: DVec3,
     tolerance: f64,
 }
 
 impl Part {
+    /// Turns that carry two vertices to two others.
+    fn turns(&self, mesh: &TriangleMesh) -> Vec<Turn> {
+        let own = (mesh, self.centroid);
+        let rotations = vertex_rotations(own, own, self.tolerance);
+        rotations.into_iter().filter_map(turn).collect()
+    }
+
     /// Adds the axis along `direction` if it is one and not there yet.
     fn add(&self, axes: &mut Vec<SymmetryAxis>, direction: DVec3) {
         if self.knows(axes, direction) {
@@ -189,10 +196,6 @@ impl Part {
     }
 }
 
-/// Pairs of far-out vertices compared at most; beyond, the part is round or has so many equal
-/// corners that its principal axes have to do.
-const MAX_PAIRS: usize = 1 << 16;
-
 /// A rotation that may be a symmetry.
 struct Turn {
     /// Unit vector along the axis.
@@ -201,105 +204,9 @@ struct Turn {
     angle: f64,
 }
 
-/// All rotations that carry two vertices to two others: the farthest one from the centre, and the
-/// one that spans the widest triangle with it.
-fn vertex_turns(mesh: &TriangleMesh, center: DVec3, tolerance: f64) -> Vec<Turn> {
-    let points: Vec<DVec3> = mesh.vertices().iter().map(|v| *v - center).collect();
-    let Some(&first) = points
-        .iter()
-        .max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))
-    else {
-        return Vec::new();
-    };
-    let span = |p: &DVec3| first.cross(*p).length_squared();
-    let Some(&second) = points.iter().max_by(|a, b| span(a).total_cmp(&span(b))) else {
-        return Vec::new();
-    };
-    let as_far_as = |p: DVec3| -> Vec<DVec3> {
-        let near = |q: &&DVec3| (q.length() - p.length()).abs() <= tolerance;
-        points.iter().filter(near).copied().collect()
-    };
-    let (firsts, seconds) = (as_far_as(first), as_far_as(second));
-    if firsts.len() * seconds.len() > MAX_PAIRS {
-        return Vec::new();
-    }
-    let distance = first.distance(second);
-    let mut turns = Vec::new();
-    for &a in &firsts {
-        for &b in &seconds {
-            if (a.distance(b) - distance).abs() <= 2.0 * tolerance {
-                turns.extend(rotation([first, second], [a, b]).and_then(turn));
-            }
-        }
-    }
-    turns
-}
-
-/// The rotation that carries the frame of one pair of vectors to that of another.
-fn rotation(from: [DVec3; 2], to: [DVec3; 2]) -> Option<DQuat> {
-    let frame = |[a, b]: [DVec3; 2]| -> Option<DMat3> {
-        let x = a.try_normalize()?;
-        let z = a.cross(b).try_normalize()?;
-        Some(DMat3::from_cols(x, z.cross(x), z))
-    };
-    Some(DQuat::from_mat3(&(frame(to)? * frame(from)?.transpose())))
-}
-
 /// Axis and angle of a rotation; `None` below the turn of the highest order that is tested.
 fn turn(rotation: DQuat) -> Option<Turn> {
     let (axis, angle) = rotation.to_axis_angle();
     let angle = angle.min(2.0 * PI - angle);
     (angle > PI / f64::from(MAX_ORDER)).then_some(Turn { axis, angle })
-}
-
-/// Vertices taken at most, spread evenly over the vertex list.
-const MAX_VERTICES: usize = 1000;
-/// Points on faces, spread evenly over the area.
-const ON_FACES: usize = 1000;
-
-/// Sample points relative to a centre.
-struct Samples {
-    /// Their offsets from the centre, metres, farthest first: those fail soonest.
-    offsets: Vec<DVec3>,
-    /// Distance of the farthest, metres.
-    radius: f64,
-}
-
-impl Samples {
-    /// Vertices and points on faces of `mesh`, always the same ones.
-    fn from_mesh(mesh: &TriangleMesh, center: DVec3) -> Self {
-        let stride = mesh.vertices().len().div_ceil(MAX_VERTICES);
-        let mut offsets: Vec<DVec3> = mesh
-            .vertices()
-            .iter()
-            .step_by(stride)
-            .copied()
-            .chain(on_faces(mesh))
-            .map(|p| p - center)
-            .collect();
-        offsets.sort_by(|a, b| b.length_squared().total_cmp(&a.length_squared()));
-        Self {
-            radius: mesh.radius_about(center),
-            offsets,
-        }
-    }
-}
-
-/// Points at equal steps of area along the face list, placed within each face by a sequence that
-/// fills the unit square evenly (Roberts' R2).
-fn on_faces(mesh: &TriangleMesh) -> Vec<DVec3> {
-    let step = mesh.area() / ON_FACES as f64;
-    let mut points = Vec::with_capacity(ON_FACES);
-    let mut passed = 0.0;
-    for face in mesh.faces() {
-        passed += face_area(face);
-        while points.len() < ON_FACES && (points.len() as f64 + 0.5) * step < passed {
-            let k = points.len() as f64;
-            let (s, t) = ((k * 0.7548776662).fract(), (k * 0.5698402910).fract());
-            let [a, b, c] = face;
-            let u = s.sqrt();
-            points.push((1.0 - u) * a + u * (1.0 - t) * b + u * t * c);
-        }
-    }
-    points
 }

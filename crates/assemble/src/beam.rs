@@ -1,0 +1,243 @@
+//! The beam search: several subassemblies grow part by part, the best-held part first.
+
+use fft_correlate::Pose;
+use fft_correlate::mating::{HeldPose, Joint, MatingSearch, MatingSearchOptions};
+use rayon::prelude::*;
+use sdf_grid::{InterferenceQuery, Monitor};
+
+use crate::families::{carries, moved_joint};
+use crate::pairs::{PairPlaces, Quiet};
+use crate::same::are_same;
+use crate::shape::Shape;
+use crate::subassembly::{Placed, Subassembly};
+
+/// A part is held that is held so well, nats.
+pub(crate) const HELD: f64 = 8.0;
+
+/// Kinds of places of one shape that are found beside one subassembly, and followed: of those that a
+/// joint carries into each other one.
+const FOUND: usize = 10;
+const WAYS: usize = 4;
+
+/// Alike places of which one is taken, where there are more places than parts.
+const ALIKE: usize = 6;
+
+/// Parts of one shape that are placed together share this much of their volume at most.
+const SHARED: f64 = 1e-3;
+
+/// Poses that are seated against one subassembly, at most.
+const SEATED: usize = 120;
+
+/// Shapes, their places on each other, and how wide the search is.
+pub(crate) struct Beam<'a> {
+    pub(crate) shapes: &'a [Shape],
+    pub(crate) pairs: &'a [PairPlaces],
+    pub(crate) width: usize,
+    pub(crate) clearance: Option<f64>,
+}
+
+/// Where parts of one shape can be added, alike.
+struct Extension {
+    shape: usize,
+    places: Vec<(Pose, Joint)>,
+    rank: f64,
+}
+
+impl Beam<'_> {
+    /// Assemblies to which nothing can be added, the best first; `start` is there from the beginning
+    /// if it has any part.
+    pub(crate) fn run(&self, start: Subassembly, monitor: &dyn Monitor) -> Vec<Subassembly> {
+        let total: usize = self.shapes.iter().map(|s| s.parts.len()).sum();
+        let mut open = match start.placed.is_empty() {
+            true => self.first_pairs(),
+            false => vec![start],
+        };
+        let mut done: Vec<Subassembly> = Vec::new();
+        monitor.begin("assembling parts", total as u64);
+        let mut reached = 0;
+        while !open.is_empty() && !monitor.cancelled() {
+            let most = open.iter().map(|s| s.placed.len()).max().unwrap_or(0);
+            monitor.advance(most.saturating_sub(reached) as u64);
+            reached = reached.max(most);
+            let mut grown: Vec<Subassembly> = Vec::new();
+            for state in &open {
+                let children = self.grown(state, monitor);
+                match children.is_empty() {
+                    true => done.push(state.clone()),
+                    false => grown.extend(children),
+                }
+            }
+            open = self.best(grown, self.width);
+        }
+        done.extend(open);
+        self.best(done, usize::MAX)
+    }
+
+    /// The best places of pairs.
+    fn first_pairs(&self) -> Vec<Subassembly> {
+        let first = |shape: usize, member: usize, pose: Pose, joint: Joint| Placed {
+            shape,
+            member,
+            pose,
+            joint,
+        };
+        let mut found: Vec<Subassembly> = Vec::new();
+        for pair in self.pairs {
+            let second = usize::from(pair.fixed == pair.moving);
+            for place in pair.places.iter().filter(|p| p.rank >= HELD) {
+                found.push(Subassembly {
+                    placed: vec![
+                        first(pair.fixed, 0, Pose::IDENTITY, Joint::default()),
+                        first(pair.moving, second, place.pose, place.joint.clone()),
+                    ],
+                    score: place.rank,
+                });
+            }
+        }
+        self.best(found, self.width)
+    }
+
+    /// The best of some subassemblies, without those that are the same.
+    fn best(&self, mut found: Vec<Subassembly>, most: usize) -> Vec<Subassembly> {
+        found.sort_by(|a, b| b.score.total_cmp(&a.score));
+        let mut kept: Vec<Subassembly> = Vec::new();
+        for state in found {
+            if kept.len() == most {
+                break;
+            }
+            if !kept.iter().any(|k| are_same(k, &state, self.shapes)) {
+                kept.push(state);
+            }
+        }
+        kept
+    }
+
+    /// A subassembly with one more part, or with all parts of a shape for which there are places.
+    fn grown(&self, state: &Subassembly, monitor: &dyn Monitor) -> Vec<Subassembly> {
+        let open: Vec<usize> = (0..self.shapes.len())
+            .filter(|s| state.count(*s) < self.shapes[*s].parts.len())
+            .collect();
+        let extend = |whole: bool| -> Vec<Extension> {
+            let of = |s: &usize| self.extensions(state, *s, whole, monitor);
+            open.par_iter().flat_map_iter(of).collect()
+        };
+        let mut ways = extend(false);
+        if ways.is_empty() {
+            ways = extend(true);
+        }
+        tracing::debug!(placed = state.placed.len(), ways = ways.len(), "grown");
+        let mut children = Vec::new();
+        for way in ways {
+            let members = state.free(way.shape, self.shapes);
+            let places = self.apart(way.shape, way.places);
+            if members.len() >= places.len() {
+                children.push(state.with(way.shape, &members, &places, way.rank));
+                continue;
+            }
+            for place in places.chunks(1).take(ALIKE) {
+                children.push(state.with(way.shape, &members[..1], place, way.rank));
+            }
+        }
+        children
+    }
+
+    /// Places in which parts of one shape do not lie in each other, the first first.
+    fn apart(&self, shape: usize, places: Vec<(Pose, Joint)>) -> Vec<(Pose, Joint)> {
+        let mesh = &*self.shapes[shape].mesh;
+        let bounds = mesh.bounds();
+        let query = InterferenceQuery::new(mesh, mesh);
+        let mut kept: Vec<(Pose, Joint)> = Vec::new();
+        for (pose, joint) in places {
+            let clear = |(other, _): &(Pose, Joint)| {
+                let centre = bounds.center();
+                let far = other.apply(centre).distance(pose.apply(centre)) > bounds.diagonal();
+                let beside = other.inverse() * pose;
+                let shared = || query.at(beside.rotation, beside.translation).volume;
+                far || shared() <= SHARED * mesh.volume()
+            };
+            if kept.iter().all(clear) {
+                kept.push((pose, joint));
+            }
+        }
+        kept
+    }
+
+    /// Where a shape can be added to a subassembly: near its places on single parts, or anywhere.
+    fn extensions(
+        &self,
+        state: &Subassembly,
+        shape: usize,
+        whole: bool,
+        monitor: &dyn Monitor,
+    ) -> Vec<Extension> {
+        let mut near: Vec<(Pose, f64)> = Vec::new();
+        for p in &state.placed {
+            for pair in self.pairs {
+                let beside = pair.beside(p.shape, shape, self.shapes);
+                near.extend(beside.iter().map(|(pose, rank)| (p.pose * *pose, *rank)));
+            }
+        }
+        near.sort_by(|a, b| b.1.total_cmp(&a.1));
+        near.truncate(SEATED);
+        let (there, added) = (state.mesh(self.shapes), &self.shapes[shape]);
+        // Contact is told per area of the smaller side.
+        let added_moves = there.area() >= added.mesh.area();
+        let options = |symmetries: &[Pose]| MatingSearchOptions {
+            top: FOUND,
+            clearance: self.clearance,
+            symmetries: symmetries.to_vec(),
+            ..MatingSearchOptions::default()
+        };
+        let quiet = Quiet(monitor);
+        let run = |search: &MatingSearch<'_>, poses: Vec<Pose>| match whole {
+            true => search.run(&poses, &quiet),
+            false if poses.is_empty() => Vec::new(),
+            false => search.settle(&poses, &quiet),
+        };
+        let found: Vec<HeldPose> = match added_moves {
+            true => {
+                let search = MatingSearch::new(&there, &added.mesh, options(&added.symmetries));
+                run(&search, near.iter().map(|n| n.0).collect())
+            }
+            false => {
+                let search = MatingSearch::new(&added.mesh, &there, options(&[]));
+                run(&search, near.iter().map(|n| n.0.inverse()).collect())
+            }
+        };
+        let bounds = match added_moves {
+            true => added.mesh.bounds(),
+            false => there.bounds(),
+        };
+        let mut kept: Vec<HeldPose> = Vec::new();
+        for held in found.into_iter().filter(|held| held.rank >= HELD) {
+            let known = |k: &HeldPose| carries(&k.joint, &k.pose, &held.pose, &bounds);
+            if kept.len() < WAYS && !kept.iter().any(known) {
+                kept.push(held);
+            }
+        }
+        let extension = |held: HeldPose| {
+            let place = |pose: Pose| {
+                let joint = moved_joint(&held.joint, &(pose * held.pose.inverse()));
+                match added_moves {
+                    true => (pose, joint),
+                    // The joint is the same, seen from the other part.
+                    false => (pose.inverse(), moved_joint(&joint, &pose.inverse())),
+                }
+            };
+            let poses = [held.pose].into_iter().chain(held.alike.iter().copied());
+            tracing::debug!(
+                shape,
+                rank = held.rank,
+                overlap = held.overlap,
+                whole,
+                "extension"
+            );
+            Extension {
+                shape,
+                places: poses.map(place).collect(),
+                rank: held.rank,
+            }
+        };
+        kept.into_iter().map(extension).collect()
+    }
+}

@@ -1,0 +1,115 @@
+//! Places of one shape on another, found once for all parts that have them.
+
+use std::time::Instant;
+
+use fft_correlate::Pose;
+use fft_correlate::mating::{HeldPose, Joint, MatingSearch, MatingSearchOptions};
+use sdf_grid::Monitor;
+
+use crate::families::{carries, moved_joint};
+use crate::shape::Shape;
+
+/// Kinds of places found of a pair, and kept: of those that a joint carries into each other one.
+const FOUND: usize = 30;
+const KEPT: usize = 12;
+
+/// Places held worse are none, nats.
+const WORST: f64 = 3.0;
+
+/// A stage of somebody else's: only whether it shall stop is passed on.
+pub(crate) struct Quiet<'a>(pub(crate) &'a dyn Monitor);
+
+impl Monitor for Quiet<'_> {
+    fn cancelled(&self) -> bool {
+        self.0.cancelled()
+    }
+}
+
+/// Where one shape belongs on another.
+#[derive(Debug)]
+pub(crate) struct PairPlaces {
+    /// The larger shape.
+    pub(crate) fixed: usize,
+    /// The smaller one.
+    pub(crate) moving: usize,
+    /// The best first; places that are alike follow each other.
+    pub(crate) places: Vec<PairPlace>,
+    /// Time it took.
+    pub(crate) seconds: f64,
+}
+
+/// A place of the smaller shape.
+#[derive(Debug, Clone)]
+pub(crate) struct PairPlace {
+    /// Pose of the smaller shape in the larger one's frame.
+    pub(crate) pose: Pose,
+    /// How well contact holds it there, nats.
+    pub(crate) rank: f64,
+    /// The joint that contact leaves there, larger shape's frame.
+    pub(crate) joint: Joint,
+}
+
+impl PairPlaces {
+    /// Docks two shapes.
+    pub(crate) fn find(
+        shapes: &[Shape],
+        [a, b]: [usize; 2],
+        clearance: Option<f64>,
+        monitor: &dyn Monitor,
+    ) -> Self {
+        let began = Instant::now();
+        let smaller = |i: usize| shapes[i].mesh.area();
+        let (fixed, moving) = match smaller(a) < smaller(b) {
+            true => (b, a),
+            false => (a, b),
+        };
+        let options = MatingSearchOptions {
+            top: FOUND,
+            clearance,
+            symmetries: shapes[moving].symmetries.clone(),
+            ..MatingSearchOptions::default()
+        };
+        let search = MatingSearch::new(&shapes[fixed].mesh, &shapes[moving].mesh, options);
+        let found = search.run(&[], &Quiet(monitor));
+        let mut kept: Vec<&HeldPose> = Vec::new();
+        for held in found.iter().filter(|held| held.rank >= WORST) {
+            let bounds = shapes[moving].mesh.bounds();
+            let known = |k: &&HeldPose| carries(&k.joint, &k.pose, &held.pose, &bounds);
+            if kept.len() < KEPT && !kept.iter().any(known) {
+                kept.push(held);
+            }
+        }
+        let places = kept.iter().flat_map(|held| {
+            let poses = [held.pose].into_iter().chain(held.alike.iter().copied());
+            poses.map(|pose| PairPlace {
+                pose,
+                rank: held.rank,
+                joint: moved_joint(&held.joint, &(pose * held.pose.inverse())),
+            })
+        });
+        Self {
+            fixed,
+            moving,
+            places: places.collect(),
+            seconds: began.elapsed().as_secs_f64(),
+        }
+    }
+
+    /// Poses of shape `wanted` beside shape `there`, in that one's frame, with ranks; of those that
+    /// symmetry makes equal all.
+    pub(crate) fn beside(&self, there: usize, wanted: usize, shapes: &[Shape]) -> Vec<(Pose, f64)> {
+        let mut found = Vec::new();
+        for place in &self.places {
+            let (pose, rank) = (place.pose, place.rank);
+            let mut add = |pose: Pose| found.push((pose, rank));
+            if (there, wanted) == (self.fixed, self.moving) {
+                (shapes[there].symmetries.iter()).for_each(|s| add(*s * pose));
+            }
+            if (there, wanted) == (self.moving, self.fixed) {
+                let back = pose.inverse();
+                (shapes[there].symmetries.iter()).for_each(|s| add(*s * back));
+            }
+        }
+        found
+    }
+}

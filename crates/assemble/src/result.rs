@@ -1,0 +1,75 @@
+//! The result of an assembly search.
+
+use fft_correlate::Pose;
+use fft_correlate::mating::Joint;
+use pegfit_path::DisassemblyResult;
+
+/// Assemblies of some parts, and what it cost to find them. Parts are numbered by their place in the
+/// given list.
+#[derive(Debug, Clone)]
+pub struct AssemblyResult {
+    /// The best first.
+    pub assemblies: Vec<Assembly>,
+    /// Parts of equal shape.
+    pub shapes: Vec<Vec<usize>>,
+    /// Pairs of shapes that were docked.
+    pub pairs: Vec<PairSummary>,
+    /// Wall time of the pairs, seconds.
+    pub pair_seconds: f64,
+    /// Wall time of putting parts together, seconds.
+    pub beam_seconds: f64,
+    /// Wall time in all, seconds.
+    pub seconds: f64,
+}
+
+/// Two shapes that were docked.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PairSummary {
+    /// The first part of each; the first one is larger.
+    pub parts: [usize; 2],
+    /// Places found.
+    pub places: usize,
+    /// How well contact holds the smaller one in the best place, nats.
+    pub rank: Option<f64>,
+    /// Wall time, seconds.
+    pub seconds: f64,
+}
+
+/// Parts put together.
+#[derive(Debug, Clone)]
+pub struct Assembly {
+    /// Parts in their places, in the order in which they go together.
+    pub placed: Vec<PlacedPart>,
+    /// Parts that fit nowhere.
+    pub left_over: Vec<usize>,
+    /// Which parts touch, and how.
+    pub mates: Vec<Mate>,
+    /// How well contact holds the parts, nats: what ranks assemblies.
+    pub score: f64,
+    /// How it comes apart; none if that was not tried.
+    pub disassembly: Option<DisassemblyResult>,
+}
+
+/// A part in its place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlacedPart {
+    /// Which.
+    pub part: usize,
+    /// From its own frame to the assembly.
+    pub pose: Pose,
+}
+
+/// Two parts that touch.
+#[derive(Debug, Clone)]
+pub struct Mate {
+    /// Their numbers; the first one is larger.
+    pub parts: [usize; 2],
+    /// How much their contact says about their relative pose, nats.
+    pub information: f64,
+    /// Area of the smaller part that mates, square metres.
+    pub area: f64,
+    /// Share of the smaller part's volume that lies in the larger one.
+    pub overlap: f64,
+    /// The joint that this contact alone leaves, in the assembly: motions of the smaller part.
+    pub joint: Joint,
+}

@@ -1,0 +1,71 @@
+//! When two assemblies are the same: a motion carries the parts of one onto equal parts of the other,
+//! up to what their joints leave free.
+
+use fft_correlate::Pose;
+use glam::DVec3;
+
+use crate::families::carries;
+use crate::shape::Shape;
+use crate::subassembly::{Placed, Subassembly};
+
+/// Parts that lie this much of their diagonal apart lie at the same place.
+const SAME: f64 = 0.02;
+
+/// Whether the parts of two assemblies lie alike, up to their symmetries and a motion of the whole.
+pub(crate) fn are_same(a: &Subassembly, b: &Subassembly, shapes: &[Shape]) -> bool {
+    let alike = (0..shapes.len()).all(|s| a.count(s) == b.count(s));
+    if !alike {
+        return false;
+    }
+    // The part that tells the motion of the whole best: few others like it, few symmetries.
+    let ways = |p: &&Placed| a.count(p.shape) * shapes[p.shape].symmetries.len();
+    let Some(anchor) = a.placed.iter().min_by_key(ways) else {
+        return true;
+    };
+    let back = anchor.pose.inverse();
+    let mut others = b.placed.iter().filter(|p| p.shape == anchor.shape);
+    others.any(|other| {
+        let mut turns = shapes[anchor.shape].symmetries.iter();
+        turns.any(|turn| maps(&(other.pose * *turn * back), a, b, shapes))
+    })
+}
+
+/// Whether a motion carries every part of `a` onto an equal one of `b`.
+fn maps(motion: &Pose, a: &Subassembly, b: &Subassembly, shapes: &[Shape]) -> bool {
+    a.placed.iter().all(|p| {
+        let at = *motion * p.pose;
+        let equal = |q: &&Placed| q.shape == p.shape;
+        let mut there = b.placed.iter().filter(equal);
+        there.any(|q| {
+            let shape = &shapes[p.shape];
+            let bounds = shape.mesh.bounds();
+            coincide(&at, &q.pose, shape) || carries(&q.joint, &q.pose, &at, &bounds)
+        })
+    })
+}
+
+/// Whether a shape lies the same at two poses.
+fn coincide(a: &Pose, b: &Pose, shape: &Shape) -> bool {
+    let bounds = shape.mesh.bounds();
+    let near = SAME * bounds.diagonal();
+    let corners: Vec<DVec3> = (0..8)
+        .map(|i| {
+            let side = |k: usize| f64::from(u8::from(i >> k & 1 == 1));
+            bounds.min + DVec3::new(side(0), side(1), side(2)) * bounds.size()
+        })
+        .collect();
+    if a.apply(bounds.center()).distance(b.apply(bounds.center())) > bounds.diagonal() {
+        return false;
+    }
+    // Turns of a round part are ten degrees apart.
+    let step = match shape.symmetries.len() {
+        0..=12 => near,
+        _ => near.max(0.05 * bounds.diagonal()),
+    };
+    shape.symmetries.iter().any(|s| {
+        let b = *b * *s;
+        let centres = a.apply(bounds.center()).distance(b.apply(bounds.center()));
+        let far = |c: &DVec3| a.apply(*c).distance(b.apply(*c));
+        centres <= near && corners.iter().map(far).fold(0.0, f64::max) <= step
+    })
+}

@@ -19,7 +19,7 @@ static void expect(int right, const char *what, int32_t axes) {
 
 static double energy(uint64_t table, int32_t axes, const double matrix[16]) {
     EngineResponse at;
-    expect(engine_query(table, axes, matrix, &at) == 0 && at.coverage == 1, "no energy", axes);
+    expect(engine_query(table, axes, matrix, &at) == 0 && at.coverage > 0, "no energy", axes);
     return at.energy;
 }
 

@@ -100,12 +100,12 @@ impl Options {
     }
 }
 
-/// Sections that have pages to themselves, and these.
 /// The title of a section's own page.
 fn own_title(section: &Section) -> String {
     format!("Measurements: {}", section.title.to_lowercase())
 }
 
+/// Sections that have pages to themselves, and these.
 fn with_own_pages() -> impl Iterator<Item = (&'static Section, &'static str)> {
     let own = |s: &'static Section| s.own_page.map(|page| (s, page));
     SECTIONS.iter().filter_map(own)

@@ -46,8 +46,20 @@ autodoc_mock_imports = ["rerun"]
 # Names as the source has them, where what they stand for is long.
 autodoc_type_aliases = {
     name: name
-    for name in ("File", "Float", "MeshLike", "Path", "PosesLike", "Progress", "RotationLike", "Window")
+    for name in (
+        "ArrayLike",
+        "File",
+        "Float",
+        "MeshLike",
+        "Path",
+        "PosesLike",
+        "Progress",
+        "RotationLike",
+        "Window",
+    )
 }
+# A word between single backquotes is code, as it is in the sources.
+default_role = "code"
 add_module_names = False
 # A parameter on each line where one line would not do.
 python_maximum_signature_line_length = 78
@@ -68,6 +80,8 @@ if scripts := os.environ.get("PEGFIT_SCRIPTS"):
     mathjax_path = "tex-svg.js"
     mermaid_use_local = "mermaid.esm.min.mjs"
 
+# Of letters that most fonts have.
+mermaid_fullscreen_button = "⤢"
 # Furo's dark style underlines the names of modules as if they were links.
 pygments_dark_style = "github-dark"
 html_theme = "furo"

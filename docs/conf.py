@@ -69,6 +69,8 @@ napoleon_use_ivar = True
 # The prompts of a session are no part of what is copied.
 copybutton_prompt_text = r">>> |\.\.\. |\$ "
 copybutton_prompt_is_regexp = True
+# Nor is what a cell of a tutorial prints.
+copybutton_selector = "div:not(.output) > div.highlight pre"
 
 html_static_path = ["site"]
 html_css_files = ["site.css"]

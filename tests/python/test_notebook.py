@@ -109,7 +109,7 @@ def test_names_are_no_markup():
 
 def test_docked_poses_are_a_table_with_their_mates(pair):
     found = pair.dock(top=2)
-    shown = parsed(found._repr_html_())
+    shown = parsed(found._repr_html_()).find("table")
     rows = shown.find("tbody").findall("tr")
     assert len(rows) == len(found) > 0 and shown.find("caption").text == repr(found)
     for k, row in enumerate(rows):

@@ -219,7 +219,7 @@ class Docking:
         return len(self.poses)
 
     def __repr__(self) -> str:
-        text = f"Docking: {len(self)} poses"
+        text = f"Docking: {len(self)} pose{'s' * (len(self) != 1)}"
         if len(self) == 0:
             return text
         best = self.joints[0]

@@ -1,10 +1,12 @@
 """The force between two MuJoCo bodies, and the insertion task."""
 
+import re
+
 import numpy as np
 import pytest
 
 import pegfit
-from conftest import about
+from conftest import ROOT, about
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -229,6 +231,40 @@ def test_a_peg_through_another_joint_is_held_by_its_inertia(tight):
             total.append(0.01 * data.qvel[0] ** 2 + force.energy)
     assert np.diff(total).max() < 1e-9 and total[0] < 0
     assert -0.03 < data.qpos[0] < 0.03
+
+
+def page():
+    """The Python of `docs/how-to/mujoco.md`."""
+    text = (ROOT / "docs" / "how-to" / "mujoco.md").read_text()
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    return code
+
+
+def run_page(code):
+    names = {}
+    exec(compile(code, "mujoco.md", "exec"), names)
+    return names["model"], names["data"], names["force"]
+
+
+def test_the_page_seats_a_peg_against_gravity(capsys):
+    model, data, force = run_page(page())
+    assert "energy" in capsys.readouterr().out
+    weight = model.body_mass[2] * np.linalg.norm(model.opt.gravity)
+    assert model.opt.gravity[2] < -9 and weight > 0.19
+    # At rest in the seat, and what holds it is the weight.
+    assert np.abs(data.xpos[2]).max() < 1e-3 and np.abs(data.qvel[:3]).max() < 1e-4
+    assert abs(force.force[2] - weight) < 0.02 * weight
+    assert np.abs(force.force[:2]).max() < 0.02 * weight
+
+
+@pytest.mark.parametrize(
+    "change", [("with force:", "if True:"), ('mass="0.02"', 'mass="0.2"')], ids=["no force", "200 g"]
+)
+def test_without_the_force_or_too_heavy_the_peg_of_the_page_falls(change):
+    code = page()
+    assert code.count(change[0]) == 1
+    _, data, _ = run_page(code.replace(*change).split("assert")[0])
+    assert data.xpos[2][2] < -0.1
 
 
 @pytest.fixture(scope="module")

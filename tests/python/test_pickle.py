@@ -2,6 +2,7 @@
 
 import multiprocessing
 import pickle
+import sys
 
 import numpy as np
 import pytest
@@ -76,3 +77,34 @@ def test_responses_as_xarray(evaluator):
     data = found.to_xarray()
     assert dict(data.sizes) == {"pose": 5, "axis": 3} and data.torque.units == "N m"
     np.testing.assert_array_equal(data.force.sel(axis="y"), found.force[:, 1])
+    assert set(data.coords) == {"axis"}
+
+
+def test_poses_become_coordinates(evaluator):
+    pytest.importorskip("xarray")
+    poses = random_poses(4, reach=0.008, angle=0.1, seed=5)
+    found = evaluator.query(poses)
+    data = found.to_xarray(poses)
+    for k, name in enumerate(("x", "y", "z", "qx", "qy", "qz", "qw")):
+        np.testing.assert_array_equal(data[name], poses[:, k])
+    assert data.x.units == "m" and data.x.dims == ("pose",)
+    with pytest.raises(pegfit.PoseError, match="expected 4 poses, found 3") as caught:
+        found.to_xarray(poses[:3])
+    assert caught.value.item == "poses"
+
+
+@pytest.mark.parametrize("package", ["xarray", "pandas"])
+def test_a_missing_package_is_named(package, monkeypatch):
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(ModuleNotFoundError, match=f"needs {package}: pip install {package}"):
+        getattr(pegfit.Response.empty(1), f"to_{package}")()
+
+
+def test_what_a_package_misses_itself_is_not_renamed(monkeypatch):
+    pytest.importorskip("xarray")
+    for name in [name for name in sys.modules if name.split(".")[0] == "xarray"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ModuleNotFoundError) as caught:
+        pegfit.Response.empty(1).to_xarray()
+    assert caught.value.name == "pandas" and "xarray: pip" not in str(caught.value)

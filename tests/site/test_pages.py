@@ -144,6 +144,16 @@ def test_what_a_page_says_can_be_done(page, samples, tmp_path):
             pytest.fail(f"{page.relative_to(ROOT)}:{block.line}: {error}", pytrace=False)
 
 
+def test_the_first_page_shows_what_the_readme_runs():
+    """Its five lines are those of README.md, which are run; only spaces and comments may differ."""
+
+    def code(page):
+        first = next(b for b in blocks((ROOT / page).read_text()) if b.language == "python")
+        return [line.split("#")[0].rstrip() for line in first.text.split("\n")]
+
+    assert code("docs/index.md") == code("README.md") and len(code("README.md")) == 5
+
+
 def test_what_is_not_run_says_why():
     for page in pages():
         for block in blocks(page.read_text()):

@@ -211,6 +211,35 @@ fn links_of_pages_lead_somewhere() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
+/// Words of links that name a file where its title would say more, with their lines.
+fn named_by_file(text: &str) -> Vec<(usize, String)> {
+    let mut found = Vec::new();
+    for (number, line) in prose(text) {
+        for part in line.split("](").collect::<Vec<_>>().windows(2) {
+            let words = part[0].rsplit('[').next().unwrap_or_default();
+            if words.ends_with(".md") && part[1].contains(".md") {
+                found.push((number, words.to_owned()));
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn links_are_titles() {
+    let mut wrong = Vec::new();
+    for (path, text) in pages() {
+        // On GitHub these two are known by their names.
+        let usual = ["CONTRIBUTING.md", "SECURITY.md"];
+        for (number, words) in named_by_file(&text) {
+            if !usual.contains(&words.as_str()) {
+                wrong.push(format!("{}:{number}: [{words}]", path.display()));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
 #[test]
 fn pictures_beside_the_pages_are_shown_by_one() {
     let mut shown = BTreeSet::new();
@@ -255,6 +284,8 @@ fn the_checks_see_what_is_wrong() {
     assert_eq!(anchors(text), BTreeSet::from(["one-two--three".to_owned()]));
     let said = "It is told.\n```\nis told\n```\n<!-- begin: x -->\nis said\n<!-- end: x -->\nWhat of it?\n";
     assert_eq!(refused(said), [(1, "is told"), (8, "what of")]);
+    let linked = "[One](a.md) [a.md](a.md#b)\n`[c.md](d.md)` [d.md](https://e.org)\n";
+    assert_eq!(named_by_file(linked), [(1, "a.md".to_owned())]);
     let page = root().join("README.md");
     assert!(broken(&page, "docs/no-such-page.md").is_some());
     assert!(broken(&page, "docs/accuracy.md#no-such-heading").is_some());

@@ -16,7 +16,7 @@ use sdf_grid::{FieldCache, Monitor};
 
 use crate::failure::{Failure, Kind};
 use crate::memory_budget;
-use crate::parts::Mesh;
+use crate::parts::{Mesh, Surface, index_array, vertex_array};
 use crate::source::AnySource;
 use crate::source::Source;
 use crate::work::{guarded, run};
@@ -254,6 +254,21 @@ impl PyPair {
     /// Pose in the scene in which the parts fit.
     fn assembled(&self) -> [f64; 7] {
         crate::poses::row(&self.parts.fit.assembled)
+    }
+
+    /// The surface of a part where the scene places it: vertices in metres, (n, 3), and their indices,
+    /// (m, 3). Poses of the scene move the moving part from there.
+    fn placed<'py>(&self, py: Python<'py>, moving: bool) -> Surface<'py> {
+        let setup = &self.parts.setup;
+        let (mesh, at) = match moving {
+            true => (&setup.moving, &setup.placement.moving),
+            false => (&setup.fixed, &setup.placement.fixed),
+        };
+        let vertices: Vec<DVec3> = mesh.vertices().iter().map(|v| at.apply(*v)).collect();
+        (
+            vertex_array(py, &vertices),
+            index_array(py, mesh.triangles()),
+        )
     }
 
     /// The point of the placed moving part that poses turn least, metres.

@@ -94,6 +94,22 @@ pub(crate) fn peg_in_hole(section: &str, clearance: f64) -> Result<(Mesh, Mesh),
     })
 }
 
+/// Vertices, (n, 3), and their indices, (m, 3).
+pub(crate) type Surface<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<u32>>);
+
+pub(crate) fn vertex_array<'py>(py: Python<'py>, vertices: &[DVec3]) -> Bound<'py, PyArray2<f64>> {
+    let at = |(i, k): (usize, usize)| vertices[i][k];
+    Array2::from_shape_fn((vertices.len(), 3), at).into_pyarray(py)
+}
+
+pub(crate) fn index_array<'py>(
+    py: Python<'py>,
+    triangles: &[[u32; 3]],
+) -> Bound<'py, PyArray2<u32>> {
+    let at = |(i, k): (usize, usize)| triangles[i][k];
+    Array2::from_shape_fn((triangles.len(), 3), at).into_pyarray(py)
+}
+
 #[pymethods]
 impl Mesh {
     /// Reads a file.
@@ -138,16 +154,12 @@ impl Mesh {
 
     /// Metres, (n, 3).
     fn vertices<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
-        let vertices = self.mesh.vertices();
-        let at = |(i, k): (usize, usize)| vertices[i][k];
-        Array2::from_shape_fn((vertices.len(), 3), at).into_pyarray(py)
+        vertex_array(py, self.mesh.vertices())
     }
 
     /// Indices of vertices, (m, 3).
     fn faces<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<u32>> {
-        let triangles = self.mesh.triangles();
-        let at = |(i, k): (usize, usize)| triangles[i][k];
-        Array2::from_shape_fn((triangles.len(), 3), at).into_pyarray(py)
+        index_array(py, self.mesh.triangles())
     }
 
     /// Its name in the report of its repair.

@@ -100,6 +100,11 @@ impl Options {
     }
 }
 
+/// The title of a section's own page.
+fn own_title(section: &Section) -> String {
+    format!("Measurements: {}", section.title.to_lowercase())
+}
+
 /// Sections that have pages to themselves, and these.
 fn with_own_pages() -> impl Iterator<Item = (&'static Section, &'static str)> {
     let own = |s: &'static Section| s.own_page.map(|page| (s, page));
@@ -167,18 +172,19 @@ fn heading(options: &Options, seconds: f64) -> String {
     };
     let about = format!(
         "Times and errors, measured and written by `{}`, {kind}. No number on this page is \
-         typed by hand. Errors are defined in [conventions.md](conventions.md#errors); what they mean \
-         for a user stands in [accuracy.md](accuracy.md). Times are of the machine below with \
+         typed by hand. Errors are defined in [Conventions](conventions.md#errors); what they mean \
+         for a user stands in [Accuracy](accuracy.md). Times are of the machine below with \
          whatever else it was doing.",
         command.trim_end()
     );
     let title = match options.alone() {
-        Some((section, _)) => format!("Measurements: {}", section.title.to_lowercase()),
+        Some((section, _)) => own_title(section),
         None => "Measurements".to_owned(),
     };
     let mut page = format!("# {title}\n\n{}\n\n", wrapped(&about));
     for (section, file) in with_own_pages().filter(|_| options.only.is_empty()) {
-        let _ = write!(page, "{}: [{file}]({file}).\n\n", section.title);
+        let title = own_title(section);
+        let _ = write!(page, "{}: [{title}]({file}).\n\n", section.title);
     }
     page += "| | |\n|---|---|\n";
     for (what, value) in machine::facts() {

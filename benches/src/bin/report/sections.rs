@@ -23,7 +23,7 @@ pub(crate) const SECTIONS: [Section; 11] = [
         key: "field",
         title: "Density fields",
         about: "What a field costs and how far it is from the sum over all triangles; how it is \
-            computed stands in [fields.md](fields.md).",
+            computed stands in [Density fields](fields.md).",
         program: "field",
         quick: &[&["--quick", "only=10k"]],
         full: &[&[]],
@@ -57,7 +57,7 @@ pub(crate) const SECTIONS: [Section; 11] = [
         key: "correlate",
         title: "Correlation",
         about: "What the scores of one rotation at all displacements cost; the stages are \
-            explained in [correlation.md](correlation.md).",
+            explained in [Correlation](correlation.md).",
         program: "correlate",
         quick: &[&["--quick"]],
         full: &[&[]],
@@ -100,7 +100,7 @@ pub(crate) const SECTIONS: [Section; 11] = [
         key: "docking",
         title: "Docking",
         about: "Whether docking finds where parts belong however both lie in their frames, which \
-            joint they have there, and how long it takes; [docking.md](docking.md) explains the \
+            joint they have there, and how long it takes; [Docking](docking.md) explains the \
             stages.",
         program: "docking",
         quick: &[
@@ -126,7 +126,7 @@ pub(crate) const SECTIONS: [Section; 11] = [
         key: "paths",
         title: "Insertion paths",
         about: "How often the path is found, and that there is none where there is none; explained \
-            in [path.md](path.md).",
+            in [Insertion paths](path.md).",
         program: "path",
         quick: &[&["--quick", "--frames", "1", "--only", "peg"]],
         full: &[&["--frames", "20"]],
@@ -148,7 +148,7 @@ pub(crate) const SECTIONS: [Section; 11] = [
     Section {
         key: "loop",
         title: "The haptic loop",
-        about: "What a tick costs beside the field, explained in [haptics.md](haptics.md).",
+        about: "What a tick costs beside the field, explained in [The haptic loop](haptics.md).",
         program: "runtime",
         quick: &[&["--quick"]],
         full: &[&[]],

@@ -3,7 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::table::bake_spring;
+use fft_correlate::{Placement, Pose};
+use glam::DVec3;
+
+use crate::table::{bake_placed_spring, bake_spring};
 
 /// The folder with the shared library: where cargo puts this test.
 fn library() -> PathBuf {
@@ -37,7 +40,7 @@ fn compile(source: &str, into: &Path) -> Option<PathBuf> {
         .arg(here.join(source))
         .arg("-L")
         .arg(&library)
-        .arg("-lpegfit_c")
+        .args(["-lpegfit_c", "-lm"])
         .arg(format!("-Wl,-rpath,{}", library.display()))
         .arg("-o")
         .arg(&program)
@@ -50,6 +53,11 @@ fn compile(source: &str, into: &Path) -> Option<PathBuf> {
 
 /// Runs a program on a table and returns what it prints; it must succeed.
 fn run(program: &Path, table: &std::ffi::CStr) -> String {
+    run_with(program, table, &[])
+}
+
+/// The same with more arguments.
+fn run_with(program: &Path, table: &std::ffi::CStr, more: &[String]) -> String {
     // A tool such as `valgrind --error-exitcode=9 -q` may look on.
     let mut words = std::env::var("PEGFIT_C_RUNNER").unwrap_or_default();
     words.push(' ');
@@ -58,6 +66,7 @@ fn run(program: &Path, table: &std::ffi::CStr) -> String {
     let output = Command::new(words.next().unwrap())
         .args(words)
         .arg(table.to_str().unwrap())
+        .args(more)
         .output()
         .unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
@@ -131,6 +140,24 @@ fn python_prints_the_same_well() {
         !output.status.success() && said.contains("nowhere.zarr"),
         "{said}"
     );
+}
+
+/// What Unity and OpenXR feel along their own axes, of a part that a scene moved.
+#[test]
+fn engines_feel_the_slopes_of_the_energy() {
+    let folder = tempfile::tempdir().unwrap();
+    let moving = DVec3::new(0.01, -0.02, 0.03);
+    let placement = Placement {
+        fixed: Pose::IDENTITY,
+        moving: Pose::from_translation(moving),
+    };
+    let table = bake_placed_spring(folder.path(), placement);
+    let Some(program) = compile("tests/engine.c", folder.path()) else {
+        return;
+    };
+    let home = (-moving).to_array().map(|x| x.to_string());
+    let said = run_with(&program, &table, &home);
+    assert_eq!(said.trim(), "slopes and refusals are right");
 }
 
 /// Where threads of the parent are gone.

@@ -1,6 +1,6 @@
 from collections.abc import Sequence
 from os import PathLike
-from typing import Callable, Optional, final
+from typing import Any, Callable, Optional, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ _Three = tuple[float, float, float] | Sequence[float] | _F64
 _Four = Sequence[float] | _F64
 
 __all__ = [
+    "BodyForce",
     "Felt",
     "ForcePath",
     "Mesh",
@@ -78,6 +79,7 @@ class Pair:
     def warnings(self) -> list[str]: ...
     def describe(self) -> tuple[float, int, int]: ...
     def assembled(self) -> list[float]: ...
+    def placed(self, moving: bool) -> tuple[_F64, NDArray[np.uint32]]: ...
     def pivot(self, progress: _Progress) -> list[float]: ...
     def evaluator(
         self, tolerance: float | None, max_points: int | None, progress: _Progress

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from html import escape
 from os import PathLike
 from typing import Any, Optional, Union
 
@@ -85,6 +86,12 @@ class InsertionPath:
         """
         core = self._core
         write_report(path, page=core.page, table=core.table, summary=core.summary)
+
+    def _repr_html_(self) -> str:
+        """For a notebook: the page that plays the path, in a frame."""
+        style = "width: 100%; height: 640px; border: 1px solid #e2e8f0"
+        page = escape(self._core.page())
+        return f'<iframe srcdoc="{page}" style="{style}" title="{escape(repr(self))}"></iframe>'
 
     def __len__(self) -> int:
         return len(self.poses)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pegfit import _core
 from pegfit._errors import MeshError, count
+from pegfit._optional import needed_by
 from pegfit._progress import Progress, Reporting
 
 if TYPE_CHECKING:
@@ -275,7 +276,8 @@ class Density:
 
     def to_xarray(self) -> _xarray.Dataset:
         """Density and signed distance over x, y, z (needs xarray)."""
-        import xarray
+        with needed_by("Density.to_xarray", "xarray", "data"):
+            import xarray
 
         dims = ("x", "y", "z")
         return xarray.Dataset(

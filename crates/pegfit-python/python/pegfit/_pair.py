@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Optional, Sequence, Union
 
@@ -15,6 +16,15 @@ from pegfit import _core
 from pegfit._errors import SceneError, count, count_or_none
 from pegfit._insertion_path import InsertionPath
 from pegfit._mesh import Mesh, MeshLike, Path, as_mesh
+from pegfit._notebook import (
+    Surface,
+    axis_of,
+    direction_words,
+    drawing,
+    number,
+    pose_words,
+    table,
+)
 from pegfit._poses import RotationLike, quaternion, rows, three
 from pegfit._progress import Progress, Reporting
 from pegfit._source import Evaluator, Table
@@ -144,6 +154,11 @@ class Joint:
     turn: Float
 
 
+def _axis_words(joint: Joint) -> str:
+    along = f"along ({direction_words(joint.axis)})" if np.isfinite(joint.axis).all() else ""
+    return f"{joint.kind} {along}".strip()
+
+
 @dataclass(frozen=True, repr=False)
 class Docking:
     """Poses where the moving part may belong, the best first.
@@ -171,6 +186,8 @@ class Docking:
         refined: False where downhill led out of the domain, `(k,)`.
         scored: Rotations scored by energy; 0 without such a search.
         rotations: Rotations looked at by energy.
+
+    A notebook shows a table of the poses, with pictures.
     """
 
     poses: Float
@@ -191,6 +208,7 @@ class Docking:
     refined: NDArray[np.bool_]
     scored: int
     rotations: int
+    _pair: Optional[Pair] = field(default=None, compare=False)
 
     @property
     def depth(self) -> Float:
@@ -201,11 +219,27 @@ class Docking:
         return len(self.poses)
 
     def __repr__(self) -> str:
-        text = f"Docking: {len(self)} poses"
+        text = f"Docking: {len(self)} pose{'s' * (len(self) != 1)}"
         if len(self) == 0:
             return text
         best = self.joints[0]
         return f"{text}, best {best.kind}, {self.information[0]:.1f} nats"
+
+    def _repr_html_(self) -> str:
+        """A row per pose for a notebook: picture, place, mate, information, quality, overlap."""
+        head = ["", "pose", "mate", "free motions", "information", "quality", "overlap"]
+        rows = []
+        for k, (pose, joint) in enumerate(zip(self.poses, self.joints)):
+            rows.append([
+                "" if self._pair is None else self._pair._picture(pose, joint),
+                escape(pose_words(pose)),
+                escape(_axis_words(joint)),
+                str(joint.freedoms),
+                number(self.information[k], ".1f") + " nats",
+                number(self.quality[k]),
+                number(100 * self.overlap[k], ".2g") + " %",
+            ])
+        return table(head, rows, repr(self))
 
 
 @dataclass(frozen=True)
@@ -377,6 +411,26 @@ class Pair:
         return np.array(self._core.assembled())
 
     @property
+    def fixed(self) -> Mesh:
+        """The fixed part, where the scene places it; a new mesh."""
+        return self._placed("fixed")
+
+    @property
+    def moving(self) -> Mesh:
+        """The moving part, where the scene places it; a new mesh. Poses move it from there.
+
+        >>> from pegfit import peg_in_hole
+        >>> Pair(*peg_in_hole("rectangular"), spacing=0.002).moving
+        Mesh 'rectangular peg': 8 vertices, 12 faces, 0.02 x 0.02 x 0.03 m
+        """
+        return self._placed("moving")
+
+    def _placed(self, role: str) -> Mesh:
+        moving = role == "moving"
+        name = self._names[moving] if len(self._names) == 2 else f"{role} of {self._names[0]}"
+        return Mesh(*self._core.placed(moving), unit="m", name=name)
+
+    @property
     def pivot(self) -> Float:
         """The point of the moving part that displacements speak of, metres, `(3,)`."""
         return np.array(self._core.pivot(None))
@@ -540,6 +594,7 @@ class Pair:
             refined,
             scored,
             rotations,
+            self,
         )
 
     def path(
@@ -647,6 +702,17 @@ class Pair:
                 self._core, path, half, angle_deg, step_deg, tolerance, resume, report
             )
         return Table(core, description, self)
+
+    def _picture(self, pose: Float, joint: Optional[Joint] = None) -> str:
+        """Both parts at a pose, an SVG element."""
+        fixed, moving = (Surface(*self._core.placed(which)) for which in (False, True))
+        axis = None if joint is None else axis_of(joint.point, joint.axis)
+        return drawing(fixed, moving.moved(pose), axis, f"the parts at {pose_words(pose)}")
+
+    def _repr_html_(self) -> str:
+        """For a notebook: the parts in the pose in which they fit."""
+        figure = self._picture(self.assembled)
+        return f"<figure>{figure}<figcaption>{escape(repr(self))}</figcaption></figure>"
 
     def __repr__(self) -> str:
         spacing, fixed, moving = self._core.describe()

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, Callable, Optional
 import numpy as np
 from numpy.typing import NDArray
 
+from pegfit._optional import needed_by
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as _Axes
 
@@ -16,7 +18,8 @@ Float = NDArray[np.float64]
 def _drawn_on(ax: Optional[_Axes]) -> _Axes:
     if ax is not None:
         return ax
-    from matplotlib import pyplot
+    with needed_by("plot", "matplotlib", "plot"):
+        from matplotlib import pyplot
 
     return pyplot.subplots()[1]
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, SupportsIndex, Union
+from typing import TYPE_CHECKING, Any, Optional, SupportsIndex, Union
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pegfit._errors import PoseError
+from pegfit._optional import needed_by
+from pegfit._poses import PosesLike, rows
 
 if TYPE_CHECKING:
     import pandas as _pandas
@@ -74,17 +76,38 @@ class Response:
 
     def to_pandas(self) -> _pandas.DataFrame:
         """A row per pose: energy (J), fx, fy, fz (N), tx, ty, tz (N m), coverage (needs pandas)."""
-        import pandas
+        with needed_by("Response.to_pandas", "pandas", "data"):
+            import pandas
 
         columns = {"energy": self.energy}
         for letter, vectors in (("f", self.force), ("t", self.torque)):
             columns |= {letter + axis: vectors[:, k] for k, axis in enumerate("xyz")}
         return pandas.DataFrame(columns | {"coverage": self.coverage})
 
-    def to_xarray(self) -> _xarray.Dataset:
-        """Energy, force, torque and coverage over `pose` and `axis` (needs xarray)."""
-        import xarray
+    def to_xarray(self, poses: Optional[PosesLike] = None) -> _xarray.Dataset:
+        """Energy, force, torque and coverage over `pose` and `axis` (needs xarray).
 
+        Args:
+            poses: Those that were queried. Their x, y, z (metres) and qx, qy, qz, qw become
+                coordinates along `pose`.
+
+        Raises:
+            ModuleNotFoundError: There is no xarray.
+            PoseError: The poses are none, or not as many as the responses.
+        """
+        with needed_by("Response.to_xarray", "xarray", "data"):
+            import xarray
+
+        coordinates: dict[str, Any] = {"axis": list("xyz")}
+        if poses is not None:
+            given = rows(poses)
+            if len(given) != len(self):
+                expected, found = f"{len(self)} poses", str(len(given))
+                message = f"poses: expected {expected}, found {found}"
+                raise PoseError(message, item="poses", expected=expected, found=found)
+            for name, column in zip(("x", "y", "z", "qx", "qy", "qz", "qw"), given.T):
+                units = "m" if len(name) == 1 else "1"
+                coordinates[name] = ("pose", column.copy(), {"units": units})
         return xarray.Dataset(
             {
                 "energy": ("pose", self.energy, {"units": "J"}),
@@ -92,7 +115,7 @@ class Response:
                 "torque": (("pose", "axis"), self.torque, {"units": "N m"}),
                 "coverage": ("pose", self.coverage, {"units": "1"}),
             },
-            coords={"axis": list("xyz")},
+            coords=coordinates,
         )
 
     def __repr__(self) -> str:

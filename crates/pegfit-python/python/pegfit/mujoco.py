@@ -96,8 +96,9 @@ class PassiveForce:
         PegfitError: There is no such body.
 
     >>> from pegfit import peg_in_hole
-    >>> free = '<freejoint/><geom size="0.005" contype="0" conaffinity="0"/>'
-    >>> bodies = f'<body name="hole"/><body name="peg" pos="0 0 0.002">{free}</body>'
+    >>> geom = '<geom type="box" size="0.01 0.01 0.015" contype="0" conaffinity="0"/>'
+    >>> peg = f'<body name="peg" pos="0 0 0.002"><freejoint/>{geom}</body>'
+    >>> bodies = f'<body name="hole"/>{peg}'
     >>> model = mujoco.MjModel.from_xml_string(
     ...     f'<mujoco><option gravity="0 0 0"/><worldbody>{bodies}</worldbody></mujoco>'
     ... )

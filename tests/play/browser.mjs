@@ -3,9 +3,12 @@
 import { browser } from "./common.mjs";
 import { doors } from "./doors.mjs";
 import { follows, hands } from "./hands.mjs";
+import { local } from "./local.mjs";
 import { cost, papers, story, telephone } from "./story.mjs";
 
 const tests = { cost, story, hands, follows, doors, telephone, papers };
+// The page of `just wasm`, which is tested where there is one.
+if (process.env.PEGFIT_WASM) tests.local = local;
 const wanted = process.argv.slice(2);
 for (const name of wanted) {
     if (!(name in tests)) throw new Error(`no test ${name}; there are ${Object.keys(tests)}`);

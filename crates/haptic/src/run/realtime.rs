@@ -1,6 +1,6 @@
 //! What the operating system gives a real-time thread: clock, sleep, priority, locked memory.
 
-use std::time::{Duration, Instant};
+use web_time::{Duration, Instant};
 
 /// SCHED_FIFO priority asked for; above ordinary work, below the kernel's own threads.
 #[cfg(target_os = "linux")]
@@ -19,11 +19,17 @@ pub struct RealtimeGrant {
 
 /// Locked memory; unlocked when dropped.
 #[derive(Debug)]
+#[cfg(target_os = "linux")]
 pub(crate) struct MemoryLock(bool);
 
+/// Memory that cannot be locked here.
+#[derive(Debug)]
+#[cfg(not(target_os = "linux"))]
+pub(crate) struct MemoryLock;
+
+#[cfg(target_os = "linux")]
 impl Drop for MemoryLock {
     fn drop(&mut self) {
-        #[cfg(target_os = "linux")]
         if self.0 {
             // A failure leaves memory locked, which harms nobody at exit.
             let _ = rustix::mm::munlockall();
@@ -63,7 +69,7 @@ pub(crate) fn raise_priority(granted: &mut RealtimeGrant) {
 #[cfg(not(target_os = "linux"))]
 pub(crate) fn lock_memory(granted: &mut RealtimeGrant) -> MemoryLock {
     granted.notes.push("memory is locked on Linux only".into());
-    MemoryLock(false)
+    MemoryLock
 }
 
 #[cfg(not(target_os = "linux"))]

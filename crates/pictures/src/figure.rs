@@ -10,7 +10,7 @@ use crate::cloud::Cloud;
 use crate::colour::ColourScale;
 use crate::heat_map::{Contours, HeatMap, distance_levels};
 use crate::number::number;
-use crate::skeleton::{LEAST, skeleton_points};
+use crate::skeleton_points::{LEAST, skeleton_points};
 use crate::slice::{AXES, Slice, sheet};
 
 /// Contour lines of the signed distance on a plane, in `unit`, and what to say about them.

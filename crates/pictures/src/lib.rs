@@ -20,7 +20,7 @@ mod histogram;
 #[cfg(not(target_family = "wasm"))]
 mod line_chart;
 mod number;
-mod skeleton;
+mod skeleton_points;
 mod slice;
 #[cfg(not(target_family = "wasm"))]
 mod surface;
@@ -28,22 +28,24 @@ mod surface;
 mod vti;
 
 pub use number::number;
-pub use skeleton::skeleton_points;
+pub use skeleton_points::skeleton_points;
 pub use slice::{AXES, Slice, SliceError, SliceTextError, sheet};
 
 #[cfg(not(target_family = "wasm"))]
-pub use drawn::*;
-
-/// Everything that is drawn.
+pub use canvas::{Area, Drawing, DrawingError, Panel, PictureError, png, samples, svg};
 #[cfg(not(target_family = "wasm"))]
-mod drawn {
-    pub use crate::canvas::{Area, Drawing, DrawingError, Panel, PictureError, png, samples, svg};
-    pub use crate::cloud::Cloud;
-    pub use crate::colour::{ColourMap, ColourScale};
-    pub use crate::figure::{density_map, distance_contours, skeleton};
-    pub use crate::heat_map::{Contours, HeatMap};
-    pub use crate::histogram::Histogram;
-    pub use crate::line_chart::{LineChart, Mark, Series, reduced};
-    pub use crate::surface::Surface;
-    pub use crate::vti::write_vti;
-}
+pub use cloud::Cloud;
+#[cfg(not(target_family = "wasm"))]
+pub use colour::{ColourMap, ColourScale};
+#[cfg(not(target_family = "wasm"))]
+pub use figure::{density_map, distance_contours, skeleton};
+#[cfg(not(target_family = "wasm"))]
+pub use heat_map::{Contours, HeatMap};
+#[cfg(not(target_family = "wasm"))]
+pub use histogram::Histogram;
+#[cfg(not(target_family = "wasm"))]
+pub use line_chart::{LineChart, Mark, Series, reduced};
+#[cfg(not(target_family = "wasm"))]
+pub use surface::Surface;
+#[cfg(not(target_family = "wasm"))]
+pub use vti::write_vti;

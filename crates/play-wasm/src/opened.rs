@@ -57,16 +57,17 @@ pub(crate) fn open(setup: SceneSetup, number: u32, pair: usize) -> Result<LocalS
     let progress = Arc::new(Progress::default());
     let assembly = Assembly::about_fit(setup, AROUND, &*progress)?;
     let source = energies(&assembly)?;
+    let (workspace, geometry) = (assembly.workspace(), assembly.geometry(&*source));
     let scene = assembly.scene();
     let played = PlayedScene {
         scene,
         assembly: &assembly,
         names: std::slice::from_ref(&scene.fixed.name),
         source: &*source,
+        geometry,
         table: None,
     };
     let content = SceneContent::new(&played, progress)?;
-    let (workspace, geometry) = (assembly.workspace(), assembly.geometry(&*source));
     let session = PlaySession {
         source: &*source,
         config: scene.device.clone(),

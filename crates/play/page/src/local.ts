@@ -11,6 +11,9 @@ const FRAME = 16;
 /** Milliseconds between two looks at a loop that nobody sees, and between two words on progress. */
 const REST = 100;
 
+/** The pair to begin with: the square peg, whose fields take least time. */
+const FIRST = 1;
+
 /** What is played: a pair of the paper's by its number, or files. */
 type Choice = number | { files: MeshFile[]; unit: string };
 
@@ -20,11 +23,13 @@ type Task =
     | { want: string; question: number }
     | { dock: true };
 
+const program = { module_or_path: new URL("pegfit_bg.wasm", import.meta.url) };
+
 const outbox = new Outbox();
 const titles: string[] = [];
 /** Two files that can be used, once there are. */
 let own: Choice | undefined;
-let choice: Choice = 0;
+let choice: Choice = FIRST;
 let number = 0;
 let play: Play | undefined;
 let helper: Worker | undefined;
@@ -156,14 +161,14 @@ function answer(name: string, question: number): void {
 
 async function connect(): Promise<void> {
     try {
-        await init();
+        await init(program);
     } catch (error) {
         news({ trouble: `this browser cannot run the page: ${words(error)}` });
         return;
     }
     post({ open: true });
     greet();
-    begin(0);
+    begin(FIRST);
 }
 
 function loop({ data }: MessageEvent<ToWorker>): void {
@@ -178,7 +183,7 @@ function loop({ data }: MessageEvent<ToWorker>): void {
 /** What the second worker does, one task after the other. */
 async function assist(task: Task): Promise<void> {
     if ("open" in task) {
-        await init();
+        await init(program);
         Object.assign(globalThis, { pegfitProgress: () => {} });
         play = open(task.open);
     } else if ("dock" in task) post({ text: play?.dock() ?? "{}" });

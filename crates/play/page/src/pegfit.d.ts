@@ -1,6 +1,6 @@
 // What `just wasm` makes of crates/play-wasm, as far as the page uses it.
 
-export default function init(): Promise<unknown>;
+export default function init(program: { module_or_path: URL }): Promise<unknown>;
 export function pairs(): string;
 export class Meshes {
     constructor(unit: string);

@@ -56,6 +56,8 @@ pub struct PlayedScene<'a> {
     pub names: &'a [String],
     /// Energy at poses in the scene.
     pub source: &'a dyn EnergySource,
+    /// Where the fit is and how one gets there.
+    pub geometry: Geometry,
     /// The table whose energies these are, if any.
     pub table: Option<&'a Path>,
 }
@@ -86,7 +88,7 @@ impl SceneContent {
             assembly,
             fixed,
             moving,
-            cut: cut_axis(&loaded.geometry(played.source)),
+            cut: cut_axis(&played.geometry),
             description: Value::Null,
             monitor,
             over: AtomicBool::new(false),
@@ -102,7 +104,7 @@ impl SceneContent {
 
     fn describe(&self, played: &PlayedScene<'_>) -> Result<Value, PlayError> {
         let (assembly, source) = (&self.assembly, played.source);
-        let geometry = assembly.geometry(source);
+        let geometry = played.geometry;
         let limits = &assembly.scene().device.limits;
         let grip = assembly.workspace().grip;
         let (source_words, error) = match (played.table).or(assembly.scene().fixed.table.as_deref())

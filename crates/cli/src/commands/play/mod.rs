@@ -104,15 +104,16 @@ fn play(
     scenes::print_warnings(&pairs.warnings, context);
     check_interrupt()?;
     let source = pairs.live.source();
+    let (workspace, geometry) = (pairs.assembly.workspace(), pairs.assembly.geometry(source));
     let played = PlayedScene {
         scene,
         assembly: &pairs.assembly,
         names: &pairs.names,
         source,
+        geometry,
         table: args.table.as_deref(),
     };
     let content = Arc::new(SceneContent::new(&played, quiet)?);
-    let (workspace, geometry) = (pairs.assembly.workspace(), pairs.assembly.geometry(source));
     let session = PlaySession {
         source,
         config: scene.device.clone(),

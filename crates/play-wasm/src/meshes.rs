@@ -61,6 +61,7 @@ impl Meshes {
     }
 
     /// Whether there are two files, and both can be used.
+    #[wasm_bindgen(js_name = isPair)]
     pub fn is_pair(&self) -> bool {
         self.pair().is_some()
     }

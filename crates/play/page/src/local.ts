@@ -201,7 +201,13 @@ if (self.name === "helper") {
         });
     };
 } else {
-    self.onmessage = loop;
+    self.onmessage = (event) => {
+        try {
+            loop(event);
+        } catch (error) {
+            news({ trouble: words(error) });
+        }
+    };
     setInterval(() => {
         if (outbox.isAlive) play?.handle(new Uint8Array(request.beat()));
     }, BEAT);

@@ -102,6 +102,11 @@ hid-vm:
 page:
     cd crates/play/page && npm ci --no-audit --no-fund && npx tsc --noEmit && node build.mjs
 
+# The page of `pegfit play` that needs no program, in ./out/wasm; any web server serves it (minutes;
+# needs rustup and npm). `just play local` opens it in Chromium.
+wasm *ARGS:
+    crates/play-wasm/build {{ARGS}}
+
 # The page of `pegfit play` in Chromium; says what is missing where it cannot run.
 play *ARGS:
     tests/play/run {{ARGS}}

@@ -93,3 +93,62 @@ impl Meshes {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A box with corners at two points, or three of its six sides.
+    fn cuboid(a: [f64; 3], b: [f64; 3], sides: usize) -> String {
+        let corner = |i: usize| [0, 1, 2].map(|k| if i >> k & 1 == 1 { b[k] } else { a[k] });
+        let quads = [
+            [1, 3, 4, 2],
+            [5, 6, 8, 7],
+            [1, 2, 6, 5],
+            [3, 7, 8, 4],
+            [1, 5, 7, 3],
+            [2, 4, 8, 6],
+        ];
+        let vertices = (0..8)
+            .map(corner)
+            .map(|[x, y, z]| format!("v {x} {y} {z}\n"));
+        let faces = quads[..sides].iter();
+        let faces = faces.map(|[a, b, c, d]| format!("f {a} {b} {c} {d}\n"));
+        vertices.chain(faces).collect()
+    }
+
+    #[test]
+    fn two_usable_meshes_are_a_pair_and_the_larger_one_stays() {
+        let mut meshes = Meshes::in_unit(LengthUnit::Mm);
+        let small = cuboid([0.0; 3], [5.0, 5.0, 10.0], 6);
+        assert!(meshes.add("pin.obj", small.as_bytes()) && !meshes.is_pair());
+        let open = cuboid([0.0; 3], [20.0; 3], 3);
+        assert!(!meshes.add("open.obj", open.as_bytes()) && !meshes.is_pair());
+        let large = cuboid([5.0, 0.0, 0.0], [30.0, 30.0, 10.0], 6);
+        assert!(meshes.add("block.v2.obj", large.as_bytes()));
+        let [fixed, moving] = meshes.pair().unwrap();
+        assert_eq!((&*fixed.name, &*moving.name), ("block.v2", "pin"));
+        assert!((moving.mesh.bounds().size().z - 0.01).abs() < 1e-12);
+        let report = meshes.report();
+        assert!(report.contains("open.obj: cannot be used\n"), "{report}");
+        assert!(
+            report.ends_with("pin in block.v2: they do not overlap"),
+            "{report}"
+        );
+    }
+
+    #[test]
+    fn parts_that_overlap_are_told() {
+        let mut meshes = Meshes::in_unit(LengthUnit::Cm);
+        meshes.add("a.obj", cuboid([0.0; 3], [1.0; 3], 6).as_bytes());
+        meshes.add(
+            "b.obj",
+            cuboid([0.5, 0.0, 0.0], [2.5, 1.0, 1.0], 6).as_bytes(),
+        );
+        let report = meshes.report();
+        assert!(
+            report.contains("a in b: they share 500.0000 mm³"),
+            "{report}"
+        );
+    }
+}

@@ -93,3 +93,57 @@ fn energies(assembly: &Assembly) -> Result<Arc<dyn EnergySource>, PlayError> {
     };
     Ok(Arc::new(SumSource::new(assembly.pivot(), vec![placed])))
 }
+
+#[cfg(test)]
+mod tests {
+    use fft_correlate::Pose;
+    use glam::DVec3;
+    use sdf_grid::shapes;
+
+    use super::*;
+
+    /// The page's session is that of `pegfit play`: a hand before the hole, a fit in it.
+    #[test]
+    fn a_pair_of_the_paper_is_played() {
+        let mut play = open(paper(PegInHole::Rectangular).unwrap(), 1, 1).unwrap();
+        let said = play.description();
+        assert_eq!(said["fixed"][0], "rectangular_hole");
+        assert_eq!(said["moving"], "rectangular_peg");
+        let profile = said["profile"].as_array().unwrap();
+        let energies: Vec<f64> = profile.iter().map(|p| p[1].as_f64().unwrap()).collect();
+        let least = energies.iter().copied().fold(f64::INFINITY, f64::min);
+        assert!(least < -0.01 && energies[0] > 0.2 * least, "{least}");
+        while !play.step() {}
+        assert!(play.frame().is_some());
+        assert!(play.bytes("mesh/0").is_some() && play.bytes("slice/moving").is_some());
+    }
+
+    /// A pin on a plate many times its size: only what is near is computed, and beyond there is no
+    /// force instead of a wrong one.
+    #[test]
+    fn of_a_large_part_only_what_is_near_the_fit_has_forces() {
+        let pin = shapes::cuboid(DVec3::splat(0.002)).unwrap();
+        let plate = shapes::cuboid(DVec3::new(0.06, 0.06, 0.004)).unwrap();
+        let above = plate.bounds().max.z - pin.bounds().min.z;
+        let named = |name: &str, mesh| NamedSolid {
+            name: name.to_owned(),
+            mesh,
+        };
+        let pin = pin.transformed(glam::DQuat::IDENTITY, DVec3::new(0.0, 0.0, above));
+        let setup = own([named("plate", plate), named("pin", pin)], LengthUnit::Mm).unwrap();
+        let assembly = Assembly::about_fit(setup, AROUND, &Progress::default()).unwrap();
+        assert!(!assembly.pair.is_whole());
+        let source = energies(&assembly).unwrap();
+        let at = |x: f64| {
+            let pose = Pose::from_translation(DVec3::new(x, 0.0, 0.0));
+            source.evaluate(&pose, &mut source.scratch())
+        };
+        assert!(at(0.0).coverage > 0.0 && at(0.0).energy != 0.0);
+        // Well on the plate, whose energy there is that at the fit.
+        let far = at(0.02);
+        assert_eq!(
+            (far.energy, far.wrench.force, far.coverage),
+            (0.0, DVec3::ZERO, 0.0)
+        );
+    }
+}

@@ -156,7 +156,7 @@ function handle(message: ArrayBuffer): void {
 
 function answer(name: string, question: number): void {
     if (/^(slice|skeleton)\//.test(name)) return help({ want: name, question });
-    post({ question, bytes: play?.bytes(name)?.slice().buffer as ArrayBuffer | undefined });
+    post({ question, bytes: bytes(name) });
 }
 
 async function connect(): Promise<void> {
@@ -180,25 +180,32 @@ function loop({ data }: MessageEvent<ToWorker>): void {
     else outbox.send();
 }
 
+/** The bytes called `name` of the pair that is open. */
+function bytes(name: string): ArrayBuffer | undefined {
+    return play?.bytes(name)?.slice().buffer as ArrayBuffer | undefined;
+}
+
 /** What the second worker does, one task after the other. */
 async function assist(task: Task): Promise<void> {
     if ("open" in task) {
         await init(program);
         Object.assign(globalThis, { pegfitProgress: () => {} });
         play = open(task.open);
-    } else if ("dock" in task) post({ text: play?.dock() ?? "{}" });
-    else {
-        const bytes = play?.bytes(task.want)?.slice().buffer as ArrayBuffer | undefined;
-        post({ question: task.question, bytes });
-    }
+    } else if (!play) throw new Error("the parts could not be opened a second time");
+    else if ("dock" in task) post({ text: play.dock() });
+    else post({ question: task.question, bytes: bytes(task.want) });
+}
+
+/** Whoever waits for a task that failed waits no longer. */
+function excuse(task: Task, error: unknown): void {
+    if ("want" in task) post({ question: task.question });
+    else if ("dock" in task) news({ docked: [], failed: words(error) });
 }
 
 if (self.name === "helper") {
     let last = Promise.resolve();
     self.onmessage = ({ data }: MessageEvent<Task>) => {
-        last = last.then(() => assist(data)).catch((error) => {
-            post({ text: JSON.stringify({ docked: [], failed: words(error) }) });
-        });
+        last = last.then(() => assist(data)).catch((error) => excuse(data, error));
     };
 } else {
     self.onmessage = (event) => {

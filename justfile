@@ -32,6 +32,7 @@ modules:
     PEGFIT_DRAW=1 cargo test -q -p pegfit-structure the_picture
 
 # The site, in ./out/site: what stands on the pages is run, tutorials are executed, warnings denied.
+# After `just wasm`, PEGFIT_WASM=out/wasm puts the page of `pegfit play` on its first page.
 site *ARGS:
     mkdir -p out
     PEGFIT_SITE=out/site tests/site/run {{ARGS}}

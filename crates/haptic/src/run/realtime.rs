@@ -19,17 +19,15 @@ pub struct RealtimeGrant {
 
 /// Locked memory; unlocked when dropped.
 #[derive(Debug)]
-#[cfg(target_os = "linux")]
+#[cfg_attr(
+    not(target_os = "linux"),
+    allow(dead_code, reason = "it is locked on Linux only")
+)]
 pub(crate) struct MemoryLock(bool);
 
-/// Memory that cannot be locked here.
-#[derive(Debug)]
-#[cfg(not(target_os = "linux"))]
-pub(crate) struct MemoryLock;
-
-#[cfg(target_os = "linux")]
 impl Drop for MemoryLock {
     fn drop(&mut self) {
+        #[cfg(target_os = "linux")]
         if self.0 {
             // A failure leaves memory locked, which harms nobody at exit.
             let _ = rustix::mm::munlockall();
@@ -69,7 +67,7 @@ pub(crate) fn raise_priority(granted: &mut RealtimeGrant) {
 #[cfg(not(target_os = "linux"))]
 pub(crate) fn lock_memory(granted: &mut RealtimeGrant) -> MemoryLock {
     granted.notes.push("memory is locked on Linux only".into());
-    MemoryLock
+    MemoryLock(false)
 }
 
 #[cfg(not(target_os = "linux"))]

@@ -55,19 +55,19 @@ impl FitVerdict {
         let mut next: Vec<String> = pair.scale.iter().map(|w| w.to_string()).collect();
         if share > FACETS {
             next.push(format!(
-            "they overlap by more than facets do: put them where they fit (position, rotation under \
-             [moving], or [fit]); `pegfit plot overlap {scene} -o overlap.png` shows where"
-        ));
+                "they overlap by more than facets do: put them where they fit (position, rotation \
+                 under [moving], or [fit]); `pegfit plot overlap {scene} -o overlap.png` shows where"
+            ));
             next.push(format!(
                 "if the overlap is meant: `pegfit path {scene} --allow-overlap` says how deep it is"
             ));
         }
         if gap > 0.375 * b.diagonal() {
             next.push(
-            "they are out of reach of each other: export both from one assembly, or put them where \
-             they fit (position, rotation under [moving], or [fit])"
-                .to_owned(),
-        );
+                "they are out of reach of each other: export both from one assembly, or put them \
+                 where they fit (position, rotation under [moving], or [fit])"
+                    .to_owned(),
+            );
         }
         Self {
             scene: scene.to_owned(),

@@ -2,8 +2,8 @@
 //! charts, histograms, surfaces and points in space, drawn without any installed font or display.
 //! Fields also as VTK images, for ParaView.
 //!
-//! `png` and `svg` make a sheet; everything else has a `draw` that takes a panel of it. In a browser
-//! there are planes and skeletons as numbers only: the page draws.
+//! `png` and `svg` make a sheet; everything else has a `draw` that takes a panel of it. In a
+//! browser there are planes and skeletons as numbers only: the page draws.
 
 #[cfg(not(target_family = "wasm"))]
 mod canvas;

@@ -2,8 +2,8 @@
 //!
 //! [`attached`] finds and opens what this machine has: the HID devices of [`hid`] and, by their
 //! makers' drivers, those of [`openhaptics`], [`force_dimension`] and [`haply`]. [`threaded`] makes
-//! a device of two halves that block; [`conformance`] checks a device of your own. In a browser there
-//! are only hands without hardware.
+//! a device of two halves that block; [`conformance`] checks a device of your own. In a browser
+//! there are only hands without hardware.
 
 #[cfg(not(target_family = "wasm"))]
 pub mod attached;

@@ -1,5 +1,5 @@
-// In place of the socket where there is no program: the loop itself, compiled to WebAssembly. A second
-// worker of the same kind looks for fits and computes densities, so that the loop goes on meanwhile.
+// In place of the socket where there is no program: the loop itself, compiled to WebAssembly. A
+// second worker of the same kind looks for fits and computes densities: the loop goes on meanwhile.
 
 import init, { Meshes, Play, pairs } from "./pegfit.js";
 import { BEAT, type MeshFile, Outbox, type ToWorker, post } from "./outbox";
@@ -90,7 +90,8 @@ function begin(next: Choice): void {
 /** The second worker, with the pair that is played. */
 function help(task: Task): void {
     if (!helper) {
-        helper = new Worker(new URL("worker.js", import.meta.url), { type: "module", name: "helper" });
+        const address = new URL("worker.js", import.meta.url);
+        helper = new Worker(address, { type: "module", name: "helper" });
         helper.onmessage = ({ data }) => self.postMessage(data);
         helper.postMessage({ open: choice } satisfies Task);
     }

@@ -56,7 +56,8 @@ impl FitVerdict {
         if share > FACETS {
             next.push(format!(
                 "they overlap by more than facets do: put them where they fit (position, rotation \
-                 under [moving], or [fit]); `pegfit plot overlap {scene} -o overlap.png` shows where"
+                 under [moving], or [fit]); `pegfit plot overlap {scene} -o overlap.png` shows \
+                 where"
             ));
             next.push(format!(
                 "if the overlap is meant: `pegfit path {scene} --allow-overlap` says how deep it is"

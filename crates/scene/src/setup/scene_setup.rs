@@ -112,8 +112,8 @@ impl SceneSetup {
         self.pair_about_fit(NEAR, monitor)
     }
 
-    /// The pair for poses about the fit, `lengths` of the moving part's longest side around it beyond
-    /// the scene's window; the whole one unless that is far more ([`Pair::is_whole`]).
+    /// The pair for poses about the fit, `lengths` of the moving part's longest side around it
+    /// beyond the scene's window; the whole one unless that is far more ([`Pair::is_whole`]).
     ///
     /// # Errors
     /// As [`SceneSetup::pair`].

@@ -32,6 +32,7 @@ modules:
     PEGFIT_DRAW=1 cargo test -q -p pegfit-structure the_picture
 
 # The site, in ./out/site: what stands on the pages is run, tutorials are executed, warnings denied.
+# After `just wasm`, PEGFIT_WASM=out/wasm puts the page of `pegfit play` on its first page.
 site *ARGS:
     mkdir -p out
     PEGFIT_SITE=out/site tests/site/run {{ARGS}}
@@ -101,6 +102,11 @@ hid-vm:
 # Bundles the page of `pegfit play` afresh; what it makes is checked in (needs npm).
 page:
     cd crates/play/page && npm ci --no-audit --no-fund && npx tsc --noEmit && node build.mjs
+
+# The page of `pegfit play` that needs no program, in ./out/wasm; any web server serves it (minutes;
+# needs rustup and npm). `just play local` opens it in Chromium.
+wasm *ARGS:
+    crates/play-wasm/build {{ARGS}}
 
 # The page of `pegfit play` in Chromium; says what is missing where it cannot run.
 play *ARGS:

@@ -86,6 +86,29 @@ if scripts := os.environ.get("PEGFIT_SCRIPTS"):
 mermaid_fullscreen_button = "⤢"
 # Furo's dark style underlines the names of modules as if they were links.
 pygments_dark_style = "github-dark"
+
+# With the page that needs no program (`just wasm`) in this folder, the first page of the site holds
+# it in place of its picture, and `tests/site/run` puts it beside the pages.
+PICTURE = "](figures/play.png)"
+FRAME = """```{raw} html
+<iframe src="play-here/index.html" title="pegfit play" loading="lazy"
+  style="width: 100%; height: 640px; border: 1px solid #d5dde6; border-radius: 8px"></iframe>
+```"""
+
+
+def hold_page(_app: object, name: str, source: list[str]) -> None:
+    """Puts the page in place of the first page's picture of it."""
+    if name == "index":
+        (line,) = [line for line in source[0].splitlines() if line.endswith(PICTURE)]
+        source[0] = source[0].replace(line, FRAME)
+
+
+def setup(app: object) -> None:
+    """Called by Sphinx."""
+    if os.environ.get("PEGFIT_WASM"):
+        app.connect("source-read", hold_page)
+
+
 html_theme = "furo"
 html_title = f"pegfit {release}"
 html_show_sourcelink = False

@@ -35,7 +35,7 @@ export async function story() {
 }
 
 /** Into the hole: over it, two thirds in, and let go. Gives the way across. */
-async function seat(page, stage) {
+export async function seat(page, stage) {
     let at = await grab(page);
     await until(page, "the hold", (now) => now.doing === 1);
     const [side, along] = beside(await frame(page), stage);

@@ -188,7 +188,16 @@ macro_rules! kept {
         }
     )*};
 }
-kept!(MeshError => Refused, PoseError => Refused, PictureError => Failed, PlayError => Failed);
+kept!(MeshError => Refused, PoseError => Refused, PictureError => Failed);
+
+impl From<PlayError> for CommandError {
+    fn from(error: PlayError) -> Self {
+        match error {
+            PlayError::Scene(error) => (*error).into(),
+            other => Self::Failed(Box::new(other)),
+        }
+    }
+}
 
 impl CommandError {
     /// An unacceptable value in `file`.

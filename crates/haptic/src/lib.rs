@@ -7,7 +7,8 @@
 //! ```
 //!
 //! [`Session`] runs that at a fixed rate on a thread of its own, or as fast as it can in simulated
-//! time; [`ForcePath`] is one tick of it as a plain struct. Forces are newtons on the handle,
+//! time; [`SteppedLoop`] where there are no threads; [`ForcePath`] is one tick of it as a plain
+//! struct. Forces are newtons on the handle,
 //! torques newton metres about it; poses are metres and unit quaternions.
 //!
 //! [`device`] is what the loop pushes, [`path`] the parts of one tick, [`log`] what every tick
@@ -41,6 +42,7 @@ pub use run::pace::Clock;
 pub use run::realtime::RealtimeGrant;
 pub use run::report::{LoopReport, Outcome, Quantiles, Timing, View};
 pub use run::session::{HapticError, Session, Viewer};
+pub use run::stepped::SteppedLoop;
 pub use scene::live_scene::LiveScene;
 pub use scene::live_source::LiveSource;
 pub use scene::pair::PairSpec;

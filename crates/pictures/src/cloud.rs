@@ -156,7 +156,7 @@ impl View {
             let line = vec![self.pixel(from), self.pixel(to)];
             scene.draw(&PathElement::new(line, GRID.stroke_width(stroke(2))))?;
             let (x, y) = self.pixel(0.5 * (from + to));
-            let length = crate::canvas::number(side[axis], 3);
+            let length = crate::number::number(side[axis], 3);
             let label = format!("{name}: {length} {unit}");
             scene.draw_text(&label, &centred(size as u32, INK), (x + away.0, y + away.1))?;
         }

@@ -9,9 +9,10 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::canvas;
 use crate::canvas::{
-    Drawing, FAINT, INK, Panel, centred, number, round_ticks, stroke, text, text_size, tick, titled,
+    Drawing, FAINT, INK, Panel, centred, round_ticks, stroke, text, text_size, tick, titled,
 };
 use crate::colour::ColourScale;
+use crate::number::number;
 
 /// Values over a rectangle, drawn as colours.
 #[derive(Debug, Clone)]

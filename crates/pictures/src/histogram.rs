@@ -3,8 +3,9 @@
 use plotters::prelude::*;
 
 use crate::canvas::GRID;
-use crate::canvas::{Area, Drawing, FAINT, INK, PAPER, number, text, text_size};
+use crate::canvas::{Area, Drawing, FAINT, INK, PAPER, text, text_size};
 use crate::colour::SERIES;
+use crate::number::number;
 
 /// Counts in bins; both axes are logarithmic.
 #[derive(Debug, Clone, Default)]

@@ -4,10 +4,9 @@ use ndarray::Array2;
 use plotters::prelude::*;
 
 use crate::canvas::GRID;
-use crate::canvas::{
-    Drawing, FAINT, INK, Panel, centred, number, samples, text, text_size, titled,
-};
+use crate::canvas::{Drawing, FAINT, INK, Panel, centred, samples, text, text_size, titled};
 use crate::colour::ColourScale;
+use crate::number::number;
 
 /// A function of two variables.
 #[derive(Debug, Clone)]

@@ -2,7 +2,8 @@
 
 use std::net::SocketAddr;
 
-use haptic::HapticError;
+use haptic::{ConfigError, HapticError};
+use pegfit_scene::SceneError;
 
 /// Why a page could not be served, or the loop not run on it.
 #[derive(Debug, thiserror::Error)]
@@ -24,4 +25,16 @@ pub enum PlayError {
     /// The loop could not run, or not end well.
     #[error(transparent)]
     Loop(#[from] HapticError),
+    /// A setting of the loop is out of range.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The scene cannot be shown.
+    #[error(transparent)]
+    Scene(Box<SceneError>),
+}
+
+impl From<SceneError> for PlayError {
+    fn from(error: SceneError) -> Self {
+        Self::Scene(Box::new(error))
+    }
 }

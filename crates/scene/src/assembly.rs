@@ -1,7 +1,7 @@
 //! A scene ready to be scored: its meshes read, its fields computed, the energy scale fixed; and profiles
 //! of its energy through the fit.
 
-use std::time::Instant;
+use web_time::Instant;
 
 use fft_correlate::{
     Correlator, DirectEvaluator, DirectOptions, EnergySource, InScene, Pair, Placement, Pose,
@@ -54,6 +54,18 @@ impl Assembly {
     /// As [`SceneSetup::pair`].
     pub fn near_fit(setup: SceneSetup, monitor: &dyn Monitor) -> Result<Self, SceneError> {
         Self::with(setup, |setup| setup.pair_near_fit(monitor))
+    }
+
+    /// The same for poses about the fit ([`SceneSetup::pair_about_fit`]).
+    ///
+    /// # Errors
+    /// As [`SceneSetup::pair`].
+    pub fn about_fit(
+        setup: SceneSetup,
+        lengths: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, SceneError> {
+        Self::with(setup, |setup| setup.pair_about_fit(lengths, monitor))
     }
 
     /// The same for poses in the scene's window ([`SceneSetup::pair_in_window`]).

@@ -25,7 +25,9 @@
 //! [`SceneError`]s. [`poses`] reads and writes poses as comma-separated rows.
 
 mod assembly;
+mod check;
 mod error;
+mod examples;
 mod file;
 mod joint_export;
 mod live;
@@ -35,6 +37,11 @@ mod setup;
 mod solids;
 
 pub use assembly::{Assembly, Motion, ProfilePoint};
+
+pub use check::fit_verdict::{FACETS, FitVerdict, TOUCHING};
+pub use check::ledger::ledger_lines;
+pub use check::mesh_verdict::MeshVerdict;
+pub use examples::example_text;
 
 pub use error::{LineError, Refusal, SceneError};
 pub use joint_export::{

@@ -239,7 +239,7 @@ impl PairFiles {
         }
         let fixed = read_part(&self.scene, &self.scene.fixed, warnings)?;
         let moving = Arc::clone(moving);
-        let parts = pair_setup(&self.scene, fixed, moving, self.memory, warnings);
+        let parts = pair_setup(&self.scene, fixed, moving, self.memory);
         let plan = parts.plan().map_err(|e| self.scene.fields_error(e))?;
         let (bounds, radius) = self.bounds(&parts);
         Ok(Extent {

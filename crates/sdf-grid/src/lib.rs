@@ -5,6 +5,10 @@
 //!
 //! Lengths are metres. Formulas, signs and index order are fixed in `docs/conventions.md`.
 
+// Without vectors the kernels for sixteen lanes take hours to compile.
+#[cfg(all(target_family = "wasm", not(target_feature = "simd128")))]
+compile_error!("WebAssembly needs 128-bit vectors: RUSTFLAGS=\"-C target-feature=+simd128\"");
+
 mod contact;
 mod field;
 mod frame;

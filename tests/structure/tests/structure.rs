@@ -6,13 +6,14 @@ use std::path::{Path, PathBuf};
 
 use pegfit_structure::{Graph, arrows, circles, file_length, flow_chart, public_paths, read_crate};
 
-const CRATES: [&str; 11] = [
+const CRATES: [&str; 12] = [
     "sdf-grid",
     "fft-correlate",
     "haptic",
     "scene",
     "path",
     "play",
+    "play-wasm",
     "pictures",
     "cli",
     "pegfit-c",
@@ -89,7 +90,7 @@ fn no_folders_import_each_other_in_a_circle() {
 }
 
 /// Of each crate's folder, the package that it is and those of this workspace that it may use.
-const DEPENDENCIES: [(&str, &str, &[&str]); 8] = [
+const DEPENDENCIES: [(&str, &str, &[&str]); 9] = [
     ("sdf-grid", "sdf-grid", &[]),
     ("fft-correlate", "fft-correlate", &["sdf-grid"]),
     ("haptic", "haptic", &["sdf-grid", "fft-correlate"]),
@@ -102,7 +103,24 @@ const DEPENDENCIES: [(&str, &str, &[&str]); 8] = [
     (
         "play",
         "pegfit-play",
-        &["sdf-grid", "fft-correlate", "haptic"],
+        &[
+            "sdf-grid",
+            "fft-correlate",
+            "haptic",
+            "pegfit-scene",
+            "pegfit-pictures",
+        ],
+    ),
+    (
+        "play-wasm",
+        "pegfit-play-wasm",
+        &[
+            "sdf-grid",
+            "fft-correlate",
+            "haptic",
+            "pegfit-scene",
+            "pegfit-play",
+        ],
     ),
     ("pictures", "pegfit-pictures", &["sdf-grid"]),
     (
@@ -120,8 +138,8 @@ const DEPENDENCIES: [(&str, &str, &[&str]); 8] = [
     ),
 ];
 
-/// `sdf-grid <- fft-correlate <- haptic <- scene <- cli`, `haptic <- play <- cli`,
-/// `fft-correlate <- path <- cli`, and `sdf-grid <- pictures <- cli`.
+/// `sdf-grid <- fft-correlate <- haptic <- scene <- cli`, `scene <- play <- cli`,
+/// `fft-correlate <- path <- cli`, and `sdf-grid <- pictures <- play`.
 #[test]
 fn crates_depend_one_way() {
     let packages: BTreeSet<&str> = DEPENDENCIES.iter().map(|d| d.1).collect();

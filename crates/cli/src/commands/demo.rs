@@ -12,7 +12,7 @@ use fft_correlate::{
 };
 use haptic::{Clock, LoopReport, Sample, Script};
 use pegfit_pictures::Slice;
-use pegfit_scene::{Assembly, Scene, SceneSetup};
+use pegfit_scene::{Assembly, Scene, SceneSetup, example_text};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 use sdf_grid::shapes::PegInHole;
@@ -351,22 +351,8 @@ pub(super) fn write_scene(shape: PegInHole, out: &Path) -> Result<Scene, Command
     for (part, mesh) in [("hole", &hole), ("peg", &peg)] {
         mesh_io::write_obj(out.join(format!("{name}_{part}.obj")), mesh)?;
     }
-    let text = format!(
-        "# The paper's {name} example: lengths in metres, zero clearance.\n\
-         unit = \"m\"\n\
-         fixed = \"{name}_hole.obj\"\n\
-         moving = \"{name}_peg.obj\"\n\n\
-         [lattice]\n\
-         spacing = 0.00125\n\n\
-         [window]\n\
-         half_extent = [0.01, 0.01, 0.015]\n\n\
-         [rotations]\n\
-         kind = \"ball\"\n\
-         angle_deg = 10.0\n\
-         step_deg = 5.0\n"
-    );
     let path = out.join(format!("{name}.toml"));
-    atomic::write(&path, text.as_bytes())?;
+    atomic::write(&path, example_text(shape).as_bytes())?;
     Ok(Scene::read(&path)?)
 }
 

@@ -8,13 +8,11 @@ use haptic::{Clock, Sample, Script};
 use ndarray::{Array2, Array3, Axis};
 use num_complex::Complex32;
 use pegfit_pictures::{
-    AXES, LineChart, PictureError, Series, Slice, Surface, density_map, distance_contours, sheet,
+    AXES, LineChart, PictureError, Series, Slice, SliceError, Surface, density_map,
+    distance_contours, sheet,
 };
 use pegfit_scene::{Assembly, Motion, ProfilePoint};
-use sdf_grid::{
-    Aabb, DensityError, DensityField, DensityKernel, DensityOptions, Monitor, Sampling,
-    TriangleMesh, atomic,
-};
+use sdf_grid::{Aabb, DensityError, DensityField, Monitor, TriangleMesh, atomic};
 
 use crate::args::{PlotArgs, PlotKind};
 use crate::commands::scenes::scene_item;
@@ -194,30 +192,21 @@ fn draw_curve(
     })
 }
 
-/// Samples along the longer side of a picture.
-const PLANE_SAMPLES: usize = 260;
-
 /// A part's density on a plane: computed for the picture, finer than the scene's lattice.
-pub(in crate::commands) fn on_plane(
+fn on_plane(
     mesh: &TriangleMesh,
     assembly: &Assembly,
     bounds: &Aabb,
     slice: &Slice,
     monitor: &dyn Monitor,
 ) -> Result<DensityField, CommandError> {
-    let failed = |e| CommandError::bad_input(scene_item(assembly, "density"), e);
-    let kernel = DensityKernel::new(assembly.pair.model().sigma)
-        .map_err(|e| CommandError::bad_input(scene_item(assembly, "model"), e))?;
-    let options = DensityOptions {
-        sampling: Sampling::Point,
-        ..DensityOptions::default()
-    };
-    let lattice = slice
-        .lattice(bounds, PLANE_SAMPLES)
-        .map_err(|e| CommandError::bad_input(format!("slice {}", AXES[slice.axis]), e))?;
-    DensityField::compute(mesh, &kernel, &lattice, &options, monitor).map_err(|e| match e {
-        DensityError::Cancelled => CommandError::Interrupted,
-        other => failed(other),
+    let of = |item: &str| scene_item(assembly, item);
+    let density = slice.density(mesh, assembly.pair.model().sigma, bounds, monitor);
+    density.map_err(|e| match e {
+        SliceError::Density(DensityError::Cancelled) => CommandError::Interrupted,
+        SliceError::Density(e) => CommandError::bad_input(of("density"), e),
+        SliceError::Kernel(e) => CommandError::bad_input(of("model"), e),
+        SliceError::Lattice(e) => CommandError::bad_input(format!("slice {}", AXES[slice.axis]), e),
     })
 }
 

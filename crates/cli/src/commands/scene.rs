@@ -4,17 +4,15 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use glam::{DQuat, DVec3};
-use pegfit_scene::{SceneDraft, SolidOptions, SolidSet};
+use pegfit_scene::{FACETS, SceneDraft, SolidOptions, SolidSet, TOUCHING, ledger_lines};
 use rayon::prelude::*;
 use sdf_grid::text::shown;
 use sdf_grid::{InterferenceQuery, Ledger, LengthUnit};
 use serde::Serialize;
 
 use crate::args::SceneArgs;
-use crate::commands::check::{FACETS, TOUCHING};
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::ledger;
 use crate::report::output::{print_json, require_folder};
 
 /// Summary of a solid.
@@ -176,7 +174,9 @@ fn print(summary: &Summary, file: &Path, context: &Context) -> Result<(), Comman
             solid.triangles
         );
     }
-    ledger::print(&summary.ledger);
+    for line in ledger_lines(&summary.ledger) {
+        say!("{line}");
+    }
     for solid in &summary.solids {
         if let Some(volume) = solid
             .shared_volume

@@ -1,6 +1,5 @@
 //! What commands write: pages, tables of poses, logs.
 
-pub(crate) mod ledger;
 pub(crate) mod output;
 pub(crate) mod page;
 pub(crate) mod parquet_log;

@@ -12,7 +12,7 @@
 //! outside would ring into the window's derivative, and turns have no such factor.
 
 use std::ops::Range;
-use std::time::Instant;
+use web_time::Instant;
 
 use fearless_simd::Level;
 use fearless_simd::prelude::*;

@@ -20,7 +20,7 @@
 //! for sticking through a thin floor. Measured in `docs/docking.md`.
 
 use std::path::Path;
-use std::time::Instant;
+use web_time::Instant;
 
 use glam::DQuat;
 use sdf_grid::Monitor;

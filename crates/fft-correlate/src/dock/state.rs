@@ -2,7 +2,7 @@
 //! moment.
 
 use std::path::Path;
-use std::time::Instant;
+use web_time::Instant;
 
 use sdf_grid::recipe::difference;
 use sdf_grid::{Monitor, atomic, regular};

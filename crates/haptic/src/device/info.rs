@@ -4,7 +4,9 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::device::contract::{DeviceError, DeviceSpec};
+#[cfg(not(target_family = "wasm"))]
+use crate::device::contract::DeviceError;
+use crate::device::contract::DeviceSpec;
 
 /// What a device of this machine can be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -108,6 +110,7 @@ pub struct DeviceInfo {
 
 impl DeviceInfo {
     /// A device of a maker's driver, which calls it `id`; `ready` says why it cannot be opened.
+    #[cfg(not(target_family = "wasm"))]
     pub(crate) fn of_driver(
         kind: DeviceKind,
         id: &str,

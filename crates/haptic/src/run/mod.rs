@@ -5,3 +5,4 @@ pub(crate) mod pace;
 pub(crate) mod realtime;
 pub(crate) mod report;
 pub(crate) mod session;
+pub(crate) mod stepped;

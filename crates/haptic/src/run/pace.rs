@@ -1,7 +1,7 @@
 //! When ticks are due: absolute deadlines on the wall clock, a count of periods, or the times of a
 //! recording.
 
-use std::time::{Duration, Instant};
+use web_time::{Duration, Instant};
 
 use serde::Serialize;
 
@@ -131,8 +131,19 @@ impl Pace {
         }
     }
 
+    /// Seconds until the next tick on the wall clock; zero if it is due.
+    pub(crate) fn seconds_ahead(&self) -> f64 {
+        let ahead = self.deadline.saturating_duration_since(Instant::now());
+        ahead.as_secs_f64()
+    }
+
     fn wait_for_deadline(&mut self) -> DueTick {
         realtime::sleep_until(self.deadline, self.spin);
+        self.begin_tick()
+    }
+
+    /// The tick on the wall clock that begins now.
+    pub(crate) fn begin_tick(&self) -> DueTick {
         let start = Instant::now();
         let now = (start - self.begin).as_secs_f64();
         DueTick {

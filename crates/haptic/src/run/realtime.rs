@@ -1,6 +1,6 @@
 //! What the operating system gives a real-time thread: clock, sleep, priority, locked memory.
 
-use std::time::{Duration, Instant};
+use web_time::{Duration, Instant};
 
 /// SCHED_FIFO priority asked for; above ordinary work, below the kernel's own threads.
 #[cfg(target_os = "linux")]
@@ -19,6 +19,10 @@ pub struct RealtimeGrant {
 
 /// Locked memory; unlocked when dropped.
 #[derive(Debug)]
+#[cfg_attr(
+    not(target_os = "linux"),
+    allow(dead_code, reason = "it is locked on Linux only")
+)]
 pub(crate) struct MemoryLock(bool);
 
 impl Drop for MemoryLock {

@@ -1,6 +1,6 @@
 //! What a run was like, counted while it runs.
 
-use std::time::Instant;
+use web_time::Instant;
 
 use glam::DVec3;
 use hdrhistogram::Histogram;

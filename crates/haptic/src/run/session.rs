@@ -48,6 +48,12 @@ pub enum HapticError {
 pub struct Viewer(triple_buffer::Output<View>);
 
 impl Viewer {
+    /// A viewer and where samples for it go.
+    pub(super) fn pair() -> (triple_buffer::Input<View>, Self) {
+        let (input, output) = triple_buffer::triple_buffer(&View::default());
+        (input, Self(output))
+    }
+
     /// The newest sample; the default one before the first tick.
     pub fn newest(&mut self) -> &Sample {
         &self.view().sample
@@ -131,9 +137,9 @@ impl Session {
 
     /// A view of the newest sample for another thread.
     pub fn viewer(&mut self) -> Viewer {
-        let (input, output) = triple_buffer::triple_buffer(&View::default());
+        let (input, viewer) = Viewer::pair();
         self.viewer = Some(input);
-        Viewer(output)
+        viewer
     }
 
     /// Runs for `seconds` on `clock` (infinity: until stopped) or until `stop` is set, on a thread
@@ -272,11 +278,11 @@ impl Drop for StopGuard<'_> {
 }
 
 /// Everything the loop thread touches, allocated before it starts.
-struct Ticker {
-    path: ForcePath,
-    recorder: Option<Recorder>,
-    viewer: Option<triple_buffer::Input<View>>,
-    tally: Tally,
+pub(super) struct Ticker {
+    pub(super) path: ForcePath,
+    pub(super) recorder: Option<Recorder>,
+    pub(super) viewer: Option<triple_buffer::Input<View>>,
+    pub(super) tally: Tally,
 }
 
 impl Ticker {
@@ -298,7 +304,12 @@ impl Ticker {
     }
 
     /// One tick; neither allocates nor blocks.
-    fn tick(&mut self, device: &mut dyn Device, source: &dyn EnergySource, due: &DueTick) {
+    pub(super) fn tick(
+        &mut self,
+        device: &mut dyn Device,
+        source: &dyn EnergySource,
+        due: &DueTick,
+    ) {
         let input = device.poll(due.now).ok();
         let mut sample = self.path.step(source, input.as_ref(), due.now, due.dt);
         if device.send(&sample.wrench).is_err() {

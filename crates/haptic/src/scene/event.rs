@@ -1,6 +1,6 @@
 //! What happens to the pairs of a scene while the loop runs.
 
-use std::time::Instant;
+use web_time::Instant;
 
 /// Something that happened to a pair while the loop ran.
 #[derive(Debug, Clone, PartialEq)]

@@ -7,7 +7,7 @@ use crate::common::{Well, hand, workspace};
 use fft_correlate::{EnergySource, Pose, Response, Scratch, Wrench};
 use haptic::{
     Clock, Device, DeviceError, DeviceSpec, DeviceState, HapticConfig, HapticError, OperatorConfig,
-    Replay, Script, Session, flags, read_log,
+    Replay, Script, Session, SteppedLoop, flags, read_log,
 };
 
 fn go() -> AtomicBool {
@@ -243,4 +243,39 @@ fn settings_out_of_range_are_refused_before_the_device_is_touched() {
         .unwrap_err();
     assert!(error.to_string().contains("limits.force"), "{error}");
     assert_eq!(device.polls, 0);
+}
+
+/// A loop without a thread does no tick before its time, and leaves out what it was too late for.
+#[test]
+fn a_stepped_loop_keeps_to_its_deadlines() {
+    let mut probe = Probe::new();
+    let well = Well::default();
+    let config = HapticConfig::default();
+    let (mut ticks, mut viewer) =
+        SteppedLoop::new(&config, workspace(), &[], &probe, &well).unwrap();
+    let began = std::time::Instant::now();
+    let mut done = 0;
+    while done < 50 {
+        match ticks.step(&mut probe, &well) {
+            Some(sample) => {
+                assert_eq!(sample.tick, done);
+                done += 1;
+            }
+            None => assert!(ticks.seconds_ahead() <= config.period()),
+        }
+    }
+    // The first is due at once.
+    assert!(began.elapsed().as_secs_f64() >= 49.0 * config.period());
+    assert_eq!(probe.polls, 50);
+    assert!(viewer.newest().energy < 0.0);
+    let missed = viewer.view().timing.missed;
+    std::thread::sleep(std::time::Duration::from_millis(20));
+    while ticks.step(&mut probe, &well).is_none() {}
+    while ticks.step(&mut probe, &well).is_none() {}
+    assert!(viewer.view().timing.missed >= missed + 19);
+    let bad = HapticConfig {
+        rate_hz: f64::NAN,
+        ..config
+    };
+    assert!(SteppedLoop::new(&bad, workspace(), &[], &probe, &well).is_err());
 }

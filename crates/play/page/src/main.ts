@@ -5,11 +5,13 @@ import { Charts } from "./charts";
 import { Drag } from "./drag";
 import { Events } from "./events";
 import { Link } from "./link";
+import { OwnParts } from "./own-parts";
 import { Panel, element } from "./panel";
 import { type Layer, View } from "./view";
 import { type Frame, type Place, type Stage, request } from "./wire";
 
-const view = new View(element<HTMLCanvasElement>("view"), element("labels"));
+const view = new View(
+    element<HTMLCanvasElement>("view"), element("labels"), (name) => link.bytes(name));
 const charts = new Charts(element("force-chart"), element("energy-chart"), element("depth-chart"));
 const events = new Events(element("events"));
 const panel = new Panel(jump, () => link.send(request.take()));
@@ -17,6 +19,8 @@ const drag = new Drag(view, {
     hold: (pose) => link.send(request.hold(pose)),
     letGo: () => link.send(request.letGo()),
 });
+
+const own = new OwnParts((files, unit) => link.play(files, unit));
 
 let newest: Frame | undefined;
 let current: Stage | undefined;
@@ -35,11 +39,17 @@ const link = new Link({
         void begin(stage);
     },
     docked: (news) => panel.docked(news),
-    hello: pairs,
-    loading(title, pair) {
-        say(`computing the fields of ${title} …`);
+    hello(hello) {
+        pairs(hello.pairs);
+        if (hello.local) own.show();
+    },
+    loading({ loading, pair, progress }) {
+        const share = progress ? ` (${progress[0]}: ${(100 * progress[1]).toFixed(0)} %)` : "";
+        say(`computing the fields of ${loading}${share} …`);
         mark(pair);
     },
+    checked: (report) => own.checked(report),
+    trouble: say,
     open: (isOpen) => say(isOpen ? "" : "the program does not answer"),
 });
 
@@ -94,14 +104,19 @@ function show(layer: Layer): void {
     void view.layer(layer, on).then(() => say(""));
 }
 
-async function picture(): Promise<void> {
-    const blob = await view.picture();
+/** Saves what is there under a name. */
+function save(blob: Blob | null | undefined, name: string): void {
     if (!blob) return;
     const link = document.createElement("a");
     link.href = URL.createObjectURL(blob);
-    link.download = "pegfit-play.png";
+    link.download = name;
     link.click();
     URL.revokeObjectURL(link.href);
+}
+
+async function log(): Promise<void> {
+    const bytes = await link.bytes("log.csv");
+    save(bytes && new Blob([bytes], { type: "text/csv" }), "pegfit-play.csv");
 }
 
 /** The handles turn the part, or move it; the button says what they could do instead. */
@@ -140,7 +155,8 @@ element("replay").onclick = () => {
     drag.holds = false;
     link.send(request.replay());
 };
-element("picture").onclick = () => void picture();
+element("log").onclick = () => void log();
+element("picture").onclick = async () => save(await view.picture(), "pegfit-play.png");
 const help = element("help");
 element("help-open").onclick = () => explain(Boolean(help.hidden));
 element("help-close").onclick = () => explain(false);

@@ -91,7 +91,7 @@ export class Panel {
         press("dock", false, hand && !element("dock").dataset.busy);
         const seconds = frame.recorded.toFixed(0);
         element("record").textContent = frame.isRecording ? `Stop, ${seconds} s` : "Record";
-        element("log").setAttribute("aria-disabled", String(!tape));
+        element<HTMLButtonElement>("log").disabled = !tape;
         for (const button of document.querySelectorAll<HTMLButtonElement>("#pairs button, #places button")) {
             button.disabled = !hand;
         }

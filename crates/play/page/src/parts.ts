@@ -6,12 +6,6 @@ import { toCreasedNormals } from "three/addons/utils/BufferGeometryUtils.js";
 /** Faces that meet at less than this are drawn as one, radians. */
 const CREASE = 0.5;
 
-/** The bytes called `name`, or undefined if the server has no such thing. */
-export async function fetchBytes(name: string): Promise<ArrayBuffer | undefined> {
-    const reply = await fetch(name);
-    return reply.ok ? reply.arrayBuffer() : undefined;
-}
-
 /** Counts (u32), positions (f32), corners (u32). */
 export function readMesh(buffer: ArrayBuffer): THREE.BufferGeometry {
     const [vertices, triangles] = new Uint32Array(buffer, 0, 2);

@@ -3,7 +3,7 @@
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { COLOUR } from "./colours";
-import { edges, fetchBytes, readMesh, readSkeleton, readSlice } from "./parts";
+import { edges, readMesh, readSkeleton, readSlice } from "./parts";
 import type { Frame, Pose, Stage } from "./wire";
 
 /** Points of the spring's line, and its turns. */
@@ -20,6 +20,9 @@ export function put(object: THREE.Object3D, [x, y, z, qx, qy, qz, qw]: Pose): vo
     object.position.set(x, y, z);
     object.quaternion.set(qx, qy, qz, qw).normalize();
 }
+
+/** The bytes called by a name, if there is such a thing. */
+export type Source = (name: string) => Promise<ArrayBuffer | undefined>;
 
 export class View {
     readonly camera = new THREE.PerspectiveCamera(35, 1, 0.01, 100);
@@ -59,7 +62,9 @@ export class View {
     /** Pixels by which the picture is moved to the right. */
     shift = 0;
 
-    constructor(readonly canvas: HTMLCanvasElement, labels: HTMLElement) {
+    constructor(
+        readonly canvas: HTMLCanvasElement, labels: HTMLElement, private readonly bytes: Source,
+    ) {
         const antialias = !drawsByProcessor();
         this.renderer = new THREE.WebGLRenderer({ canvas, antialias, alpha: true });
         this.renderer.localClippingEnabled = true;
@@ -104,7 +109,7 @@ export class View {
         this.across = stage.cut ?? 1;
         this.fixedCount = stage.fixed?.length ?? 0;
         const names = [...(stage.fixed ?? []).map((_, i) => `mesh/${i}`), "mesh/moving"];
-        const meshes = await Promise.all(names.map(fetchBytes));
+        const meshes = await Promise.all(names.map(this.bytes));
         if (this.stage !== stage.stage) return;
         const moving = meshes.pop();
         for (const buffer of meshes) if (buffer) this.addFixed(readMesh(buffer));
@@ -315,7 +320,7 @@ export class View {
         if (!on || this.loading.has(layer)) return;
         this.loading.add(layer);
         const names = [...Array(this.fixedCount).keys()].map(String).concat("moving");
-        const found = await Promise.all(names.map((name) => fetchBytes(`${layer}/${name}`)));
+        const found = await Promise.all(names.map((name) => this.bytes(`${layer}/${name}`)));
         if (this.stage !== stage) return;
         found.forEach((buffer, i) => {
             if (!buffer) return;

@@ -101,6 +101,22 @@ export const request = {
     follow: () => bytes(10),
 };
 
+/** The first message. */
+export interface Hello {
+    /** Titles of the pairs to choose among. */
+    pairs: string[];
+    /** The page computes by itself, and takes meshes. */
+    local?: boolean;
+}
+
+/** The pair of this number is being made ready. */
+export interface Loading {
+    loading: string;
+    pair: number;
+    /** What is being done, and the share of it that is done. */
+    progress?: [string, number];
+}
+
 /** A place to jump to. */
 export interface Place {
     title: string;

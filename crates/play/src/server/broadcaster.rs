@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use crate::protocol::frame::Frame;
 use crate::protocol::request::Request;
 use crate::server::access::Access;
-use crate::session::content::Content;
+use crate::session::content::{Content, docked};
 use crate::session::live_session::LiveSession;
 
 /// Shared by all connections.
@@ -100,13 +100,7 @@ impl Broadcaster {
         if state.holder.is_some() {
             live.handle(&Request::Hold(start));
         }
-        let mut said = live.content.description();
-        if !said.is_object() {
-            said = json!({});
-        }
-        said["stage"] = json!(live.number);
-        said["pair"] = json!(state.wanted);
-        said["path"] = json!(live.path.is_some());
+        let said = live.description(state.wanted);
         state.scene.set(&said);
         state.docked.set(&json!({ "docked": [] }));
         state.docking = false;
@@ -215,10 +209,7 @@ impl Broadcaster {
         let (number, content) = (live.number, Arc::clone(&live.content));
         let broadcaster = Arc::clone(self);
         let search = move || {
-            let said = match content.dock() {
-                Ok(poses) => json!({ "docked": poses }),
-                Err(why) => json!({ "docked": [], "failed": why }),
-            };
+            let said = docked(&*content);
             let mut state = broadcaster.state();
             if state
                 .live

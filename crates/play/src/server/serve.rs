@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use haptic::{Clock, LoopReport, OperatorConfig, RemoteCommand, RemoteDevice, Session};
+use haptic::{Clock, LoopReport, Session};
 
 use crate::error::PlayError;
 use crate::server::access::{Access, token};
@@ -14,19 +14,10 @@ use crate::server::broadcaster::Broadcaster;
 use crate::server::listen::listen;
 use crate::session::content::PlaySession;
 use crate::session::live_session::LiveSession;
-use crate::session::rate_meter::RateMeter;
 use crate::session::recorder::Recorder;
 
 /// Pause between two readings for the end.
 const POLL_PAUSE: Duration = Duration::from_millis(5);
-
-/// Greatest force and torque of the page's hand as shares of the loop's limits: a hand that is
-/// as strong as what the loop may show would go through every wall.
-const STRENGTH: f64 = 0.6;
-
-/// The page's hand weighs nothing but itself, kg, and is damped accordingly, N·s/m: it keeps up
-/// with a mouse.
-const LIGHT: (f64, f64) = (0.1, 8.0);
 
 /// Where to listen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -114,43 +105,15 @@ impl Server {
         session: &PlaySession<'_>,
         cancel: &AtomicBool,
     ) -> Result<LoopReport, PlayError> {
-        let hand = OperatorConfig {
-            mass: LIGHT.0,
-            damping: LIGHT.1,
-            strength: STRENGTH * session.config.limits.force,
-            rotational_strength: STRENGTH * session.config.limits.torque,
-            // The scripts go on until somebody does something else.
-            duration: 1e6,
-            ..OperatorConfig::default()
-        };
-        let (workspace, geometry) = (session.workspace, session.geometry);
-        let (mut hand, mut remote) = RemoteDevice::new(
-            hand,
-            geometry,
-            workspace,
-            &session.start,
-            session.config.times(),
-        );
-        // One command, so that the part is where it is shown from the first frame on.
-        remote.command(RemoteCommand::LetGo);
+        let (mut hand, remote) = session.hand();
         let recorder = Recorder::default();
-        let mut haptic_session = Session::new(session.config.clone(), workspace);
+        let mut haptic_session = Session::new(session.config.clone(), session.workspace);
         let viewer = haptic_session.viewer();
         let haptic_session = haptic_session.record_with(Box::new(recorder.clone()));
         let haptic_session = haptic_session.guided(session.joints.clone());
-        self.broadcaster
-            .begin_session(session.start, |number| LiveSession {
-                number,
-                content: Arc::clone(&session.content),
-                recorder,
-                remote,
-                viewer,
-                workspace,
-                geometry,
-                path: session.path.clone(),
-                meter: RateMeter::default(),
-                doing: 0,
-            });
+        self.broadcaster.begin_session(session.start, |number| {
+            LiveSession::new(session, number, recorder, remote, viewer)
+        });
         let outcome = self.run_until(cancel, |stop| {
             haptic_session.run(&mut hand, session.source, Clock::Real, f64::INFINITY, stop)
         });

@@ -3,8 +3,19 @@
 use std::sync::Arc;
 
 use fft_correlate::{EnergySource, Pose};
-use haptic::{Geometry, GuidedJoint, HapticConfig, TimedPath, Workspace};
-use serde_json::Value;
+use haptic::{
+    Geometry, GuidedJoint, HapticConfig, OperatorConfig, RemoteCommand, RemoteControl,
+    RemoteDevice, TimedPath, Workspace,
+};
+use serde_json::{Value, json};
+
+/// Greatest force and torque of the page's hand as shares of the loop's limits: a hand that is
+/// as strong as what the loop may show would go through every wall.
+const STRENGTH: f64 = 0.6;
+
+/// The page's hand weighs nothing but itself, kg, and is damped accordingly, N·s/m: it keeps up
+/// with a mouse.
+const LIGHT: (f64, f64) = (0.1, 8.0);
 
 /// What a page may request of a session besides frames; called by the serving threads while the
 /// loop runs.
@@ -21,6 +32,14 @@ pub trait Content: Send + Sync {
     /// # Errors
     /// In words, why there are none.
     fn dock(&self) -> Result<Value, String>;
+}
+
+/// What a page is told after a search for poses.
+pub(crate) fn docked(content: &dyn Content) -> Value {
+    match content.dock() {
+        Ok(poses) => json!({ "docked": poses }),
+        Err(why) => json!({ "docked": [], "failed": why }),
+    }
 }
 
 /// Nothing but the loop.
@@ -59,4 +78,25 @@ pub struct PlaySession<'a> {
     pub joints: Vec<GuidedJoint>,
     /// What a page may ask.
     pub content: Arc<dyn Content>,
+}
+
+impl PlaySession<'_> {
+    /// The page's hand, which holds nothing yet, and its control.
+    pub(crate) fn hand(&self) -> (RemoteDevice, RemoteControl) {
+        let hand = OperatorConfig {
+            mass: LIGHT.0,
+            damping: LIGHT.1,
+            strength: STRENGTH * self.config.limits.force,
+            rotational_strength: STRENGTH * self.config.limits.torque,
+            // The scripts go on until somebody does something else.
+            duration: 1e6,
+            ..OperatorConfig::default()
+        };
+        let times = self.config.times();
+        let (hand, mut remote) =
+            RemoteDevice::new(hand, self.geometry, self.workspace, &self.start, times);
+        // One command, so that the part is where it is shown from the first frame on.
+        remote.command(RemoteCommand::LetGo);
+        (hand, remote)
+    }
 }

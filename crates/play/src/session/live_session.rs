@@ -1,14 +1,15 @@
 //! The running session, as pages see and control it.
 
 use std::sync::Arc;
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use fft_correlate::{Pose, Wrench};
 use haptic::{Geometry, RemoteCommand, RemoteControl, Script, TimedPath, View, Viewer, Workspace};
+use serde_json::{Value, json};
+use web_time::{Instant, SystemTime, UNIX_EPOCH};
 
 use crate::protocol::frame::Frame;
 use crate::protocol::request::Request;
-use crate::session::content::Content;
+use crate::session::content::{Content, PlaySession};
 use crate::session::rate_meter::RateMeter;
 use crate::session::recorder::Recorder;
 
@@ -28,6 +29,40 @@ pub(crate) struct LiveSession {
 }
 
 impl LiveSession {
+    /// The session of this number, whose loop is about to begin.
+    pub(crate) fn new(
+        session: &PlaySession<'_>,
+        number: u32,
+        recorder: Recorder,
+        remote: RemoteControl,
+        viewer: Viewer,
+    ) -> Self {
+        Self {
+            number,
+            content: Arc::clone(&session.content),
+            recorder,
+            remote,
+            viewer,
+            workspace: session.workspace,
+            geometry: session.geometry,
+            path: session.path.clone(),
+            meter: RateMeter::default(),
+            doing: 0,
+        }
+    }
+
+    /// What a page needs to know of it, the number of its pair included.
+    pub(crate) fn description(&self, pair: usize) -> Value {
+        let mut said = self.content.description();
+        if !said.is_object() {
+            said = json!({});
+        }
+        said["stage"] = json!(self.number);
+        said["pair"] = json!(pair);
+        said["path"] = json!(self.path.is_some());
+        said
+    }
+
     /// Handles a request of the controlling page to the remote device or the recorder.
     pub(crate) fn handle(&mut self, request: &Request) {
         let (order, doing) = match request {
@@ -61,6 +96,7 @@ impl LiveSession {
         }
     }
 
+    #[cfg(not(target_family = "wasm"))]
     /// A new page takes control: the handle stays where it is.
     pub(crate) fn take_control(&mut self) {
         let view = *self.viewer.view();
@@ -68,6 +104,7 @@ impl LiveSession {
         self.handle(&Request::Hold(hand));
     }
 
+    #[cfg(not(target_family = "wasm"))]
     /// No page has control any more. Without heartbeats the input becomes stale.
     pub(crate) fn release_control(&mut self) {
         self.doing = 0;

@@ -2,5 +2,7 @@
 
 pub(crate) mod content;
 pub(crate) mod live_session;
+pub(crate) mod local_session;
 pub(crate) mod rate_meter;
 pub(crate) mod recorder;
+pub(crate) mod scene_content;

@@ -1,7 +1,7 @@
 //! Rate and times of the loop over the last second, from occasional readings.
 
 use std::collections::VecDeque;
-use std::time::{Duration, Instant};
+use web_time::{Duration, Instant};
 
 use haptic::Timing;
 

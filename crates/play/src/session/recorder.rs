@@ -34,6 +34,15 @@ impl Recorder {
         state.runs = on;
     }
 
+    /// Adds a sample if it records.
+    pub(crate) fn push(&self, sample: &Sample) {
+        let mut state = self.state();
+        if state.runs {
+            state.samples.push(*sample);
+            state.runs = state.samples.len() < LONGEST;
+        }
+    }
+
     /// Whether it records, and the length of the recording, seconds.
     pub(crate) fn length(&self) -> (bool, f64) {
         let state = self.state();
@@ -64,11 +73,7 @@ impl Recorder {
 
 impl SampleWriter for Recorder {
     fn write(&mut self, sample: &Sample) -> Result<(), RecordError> {
-        let mut state = self.state();
-        if state.runs {
-            state.samples.push(*sample);
-            state.runs = state.samples.len() < LONGEST;
-        }
+        self.push(sample);
         Ok(())
     }
 

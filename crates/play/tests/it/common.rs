@@ -19,7 +19,7 @@ use tungstenite::{Message, WebSocket};
 pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
 
 /// A wall below z = 0 of 3000 N/m.
-struct Wall;
+pub(crate) struct Wall;
 
 impl EnergySource for Wall {
     fn scratch(&self) -> Scratch {
@@ -119,7 +119,7 @@ impl Drop for Theatre {
     }
 }
 
-fn session(start: f64) -> PlaySession<'static> {
+pub(crate) fn session(start: f64) -> PlaySession<'static> {
     let config = HapticConfig {
         ramp_s: 0.1,
         ..HapticConfig::default()
@@ -161,7 +161,7 @@ pub(crate) struct Seen {
 }
 
 impl Seen {
-    fn read(bytes: &[u8]) -> Self {
+    pub(crate) fn read(bytes: &[u8]) -> Self {
         assert_eq!(bytes.len(), FRAME_BYTES);
         let four = |at: usize| -> [u8; 4] { bytes[at..at + 4].try_into().unwrap() };
         let float = |at| f64::from(f32::from_le_bytes(four(at)));

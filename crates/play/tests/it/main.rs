@@ -4,3 +4,4 @@ mod common;
 mod entry;
 mod hand;
 mod load;
+mod local;

@@ -17,6 +17,9 @@ use crate::setup::parts::{SceneWarning, compare_scale, read_part};
 /// Near the fit a pair is computed in part if that is at most this share of it.
 const FAR_LESS: f64 = 0.35;
 
+/// Near is this share of the moving part's longest side.
+const NEAR: f64 = 0.5;
+
 /// A scene with one fixed part whose meshes have been read; nothing is computed yet.
 #[derive(Debug, Clone)]
 pub struct SceneSetup {
@@ -39,14 +42,37 @@ impl SceneSetup {
     /// If the scene has several fixed parts, or a mesh or rotation cannot be used.
     pub fn read(scene: Scene, memory: u64) -> Result<Self, SceneError> {
         let scene = scene.only(None)?;
-        let rotations = (scene.rotations.in_shapes(&scene.placement()))
-            .map_err(|e| SceneError::refused(&scene.path, "rotations", e))?;
         let mut warnings = Vec::new();
         let fixed = read_part(&scene, &scene.fixed, &mut warnings)?;
-        let moving = Arc::new(read_part(&scene, &scene.moving, &mut warnings)?);
-        warnings.extend(compare_scale(&scene, &fixed, &moving));
+        let moving = read_part(&scene, &scene.moving, &mut warnings)?;
+        let mut setup = Self::from_solids(scene, fixed, moving, memory)?;
+        warnings.append(&mut setup.warnings);
+        // A folder of cached fields that cannot be made is no reason to stop.
+        match FieldCache::new(&setup.scene.cache) {
+            Ok(cache) => setup.parts.cache = Some(cache),
+            Err(e) => warnings.push(SceneWarning::NoCache(e.to_string())),
+        }
+        setup.warnings = warnings;
+        Ok(setup)
+    }
+
+    /// The same of solids that are there, metres, each in its part's own frame; nothing is kept
+    /// between runs.
+    ///
+    /// # Errors
+    /// If the scene has several fixed parts, or a rotation cannot be used.
+    pub fn from_solids(
+        scene: Scene,
+        fixed: TriangleMesh,
+        moving: TriangleMesh,
+        memory: u64,
+    ) -> Result<Self, SceneError> {
+        let scene = scene.only(None)?;
+        let rotations = (scene.rotations.in_shapes(&scene.placement()))
+            .map_err(|e| SceneError::refused(&scene.path, "rotations", e))?;
+        let warnings = compare_scale(&scene, &fixed, &moving).into_iter().collect();
         Ok(Self {
-            parts: pair_setup(&scene, fixed, moving, memory, &mut warnings),
+            parts: pair_setup(&scene, fixed, Arc::new(moving), memory),
             scene,
             rotations,
             memory,
@@ -83,9 +109,18 @@ impl SceneSetup {
     /// # Errors
     /// As [`SceneSetup::pair`].
     pub fn pair_near_fit(&self, monitor: &dyn Monitor) -> Result<Pair, SceneError> {
+        self.pair_about_fit(NEAR, monitor)
+    }
+
+    /// The pair for poses about the fit, `lengths` of the moving part's longest side around it
+    /// beyond the scene's window; the whole one unless that is far more ([`Pair::is_whole`]).
+    ///
+    /// # Errors
+    /// As [`SceneSetup::pair`].
+    pub fn pair_about_fit(&self, lengths: f64, monitor: &dyn Monitor) -> Result<Pair, SceneError> {
         let plan = self.parts.plan_unlimited();
         let pivot = plan.map_err(|e| self.scene.fields_error(e))?.pivot;
-        self.pair_near(self.parts.displacements(pivot).center(), monitor)
+        self.pair_within(self.parts.displacements(pivot).center(), lengths, monitor)
     }
 
     /// The same for poses near a displacement of the pivot, metres: as far around it as the scene's
@@ -94,9 +129,18 @@ impl SceneSetup {
     /// # Errors
     /// As [`SceneSetup::pair`].
     pub fn pair_near(&self, at: DVec3, monitor: &dyn Monitor) -> Result<Pair, SceneError> {
+        self.pair_within(at, NEAR, monitor)
+    }
+
+    fn pair_within(
+        &self,
+        at: DVec3,
+        lengths: f64,
+        monitor: &dyn Monitor,
+    ) -> Result<Pair, SceneError> {
         let parts = &self.parts;
         let longest = parts.moving.bounds().size().max_element();
-        let half = parts.reach() + 0.5 * longest;
+        let half = parts.reach() + lengths * longest;
         let near = Aabb::around([at - half, at + half]);
         let pair = parts.load_partly(&near, FAR_LESS, monitor);
         pair.map_err(|e| self.scene.pair_error(e))
@@ -179,20 +223,15 @@ fn put(mesh: &TriangleMesh, pose: &Pose) -> TriangleMesh {
     mesh.transformed(pose.rotation, pose.translation)
 }
 
-/// What a scene asks of the pair of its first fixed part and the moving one, which have been read. A
-/// folder of cached fields that cannot be made is no reason to stop.
+/// What a scene asks of the pair of its first fixed part and the moving one, which have been read;
+/// without a cache.
 pub(crate) fn pair_setup(
     scene: &Scene,
     fixed: TriangleMesh,
     moving: Arc<TriangleMesh>,
     memory: u64,
-    warnings: &mut Vec<SceneWarning>,
 ) -> PairSetup {
     let lattice = &scene.lattice;
-    let cache = FieldCache::new(&scene.cache).map_err(|e| SceneWarning::NoCache(e.to_string()));
-    // Once for all fixed parts.
-    let said = cache.as_ref().err();
-    warnings.extend(said.filter(|w| !warnings.contains(w)).cloned());
     let placement = scene.placement();
     PairSetup {
         builder: PairBuilder {
@@ -210,7 +249,7 @@ pub(crate) fn pair_setup(
         center: placement.direction_to_shapes(scene.window.center),
         half_extent: scene.window.half_extent,
         placement,
-        cache: cache.ok(),
+        cache: None,
     }
 }
 

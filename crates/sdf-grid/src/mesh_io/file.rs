@@ -18,6 +18,32 @@ use crate::mesh::triangle_mesh::TriangleMesh;
 /// The file name endings that are read.
 pub const FORMATS: &str = ".obj, .stl, .ply, .glb, .gltf, .3mf, .step or .stp";
 
+/// Those of files that no converter reads.
+const FORMATS_IN_BYTES: &str = ".obj, .stl, .ply, .glb, .gltf or .3mf";
+
+/// The format that a file's name promises; `None` for STEP, which a converter reads.
+fn format_of(path: &Path) -> Result<Option<MeshFormat>, MeshError> {
+    let ending = path
+        .extension()
+        .map(|e| e.to_string_lossy().to_lowercase())
+        .unwrap_or_default();
+    Ok(Some(match ending.as_str() {
+        "obj" => MeshFormat::Obj,
+        "stl" => MeshFormat::Stl,
+        "ply" => MeshFormat::Ply,
+        "glb" | "gltf" => MeshFormat::Gltf,
+        "3mf" => MeshFormat::ThreeMf,
+        "step" | "stp" => return Ok(None),
+        _ => {
+            return Err(MeshError::Format {
+                path: path.to_owned(),
+                expected: FORMATS,
+                found: ending,
+            });
+        }
+    }))
+}
+
 /// How a mesh file is read.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ReadOptions {
@@ -77,27 +103,33 @@ impl MeshFile {
     /// converter of a STEP file is missing, fails or passes a limit.
     pub fn open(path: impl AsRef<Path>, step: &StepOptions) -> Result<Self, MeshError> {
         let path = path.as_ref();
-        let ending = path
-            .extension()
-            .map(|e| e.to_string_lossy().to_lowercase())
-            .unwrap_or_default();
-        let format = match ending.as_str() {
-            "obj" => MeshFormat::Obj,
-            "stl" => MeshFormat::Stl,
-            "ply" => MeshFormat::Ply,
-            "glb" | "gltf" => MeshFormat::Gltf,
-            "3mf" => MeshFormat::ThreeMf,
-            "step" | "stp" => return Self::convert(path, step),
-            _ => {
-                return Err(MeshError::Format {
-                    path: path.to_owned(),
-                    expected: FORMATS,
-                    found: ending,
-                });
+        match format_of(path)? {
+            Some(format) => {
+                let bytes = content::read_whole(path)?;
+                Self::parse(&path.display().to_string(), &bytes, format, path.parent())
             }
-        };
-        let bytes = content::read_whole(path)?;
-        Self::parse(&path.display().to_string(), &bytes, format, path.parent())
+            None => Self::convert(path, step),
+        }
+    }
+
+    /// Reads the bytes of a file called `name`, which is nowhere else: the format follows from the
+    /// name's ending.
+    ///
+    /// # Errors
+    /// If the name has an unknown ending, the bytes do not follow the format, or are those of a STEP
+    /// file, which a converter reads from a disk.
+    pub fn from_bytes(name: &str, bytes: &[u8]) -> Result<Self, MeshError> {
+        match format_of(Path::new(name))? {
+            Some(format) => Self::parse(name, bytes, format, None),
+            None => {
+                content::check_step(name, &bytes[..bytes.len().min(content::PEEK)])?;
+                Err(MeshError::Format {
+                    path: name.into(),
+                    expected: FORMATS_IN_BYTES,
+                    found: "step".to_owned(),
+                })
+            }
+        }
     }
 
     fn convert(path: &Path, options: &StepOptions) -> Result<Self, MeshError> {
@@ -164,6 +196,23 @@ impl MeshFile {
             ledger.add(LedgerKind::Assumed, "unit", &reason);
         }
         ledger
+    }
+
+    /// Repairs it and reports its content, faults and symmetries, with the repaired mesh.
+    ///
+    /// # Errors
+    /// As [`MeshFile::clean`].
+    pub fn examine(&self, options: &ReadOptions) -> Result<(Examination, TriangleMesh), MeshError> {
+        let (mesh, report) = self.clean(options)?;
+        let tolerance = SYMMETRY_TOLERANCE * mesh.bounds().diagonal();
+        let examination = Examination {
+            report,
+            solids: self.solids(),
+            stated_unit: self.stated_unit(),
+            ledger: self.ledger(options),
+            symmetry: symmetry::detect(&mesh, tolerance),
+        };
+        Ok((examination, mesh))
     }
 
     /// Cleans all solids, or those that `options` choose, as one mesh in metres.
@@ -247,15 +296,7 @@ pub struct Examination {
 /// As [`MeshFile::open`] and [`MeshFile::clean`].
 pub fn examine(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Examination, MeshError> {
     let file = MeshFile::open(path, &options.step)?;
-    let (mesh, report) = file.clean(options)?;
-    let tolerance = SYMMETRY_TOLERANCE * mesh.bounds().diagonal();
-    Ok(Examination {
-        report,
-        solids: file.solids(),
-        stated_unit: file.stated_unit(),
-        ledger: file.ledger(options),
-        symmetry: symmetry::detect(&mesh, tolerance),
-    })
+    file.examine(options).map(|(found, _)| found)
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 use rayon::prelude::*;
 
 /// Arrays smaller than this gain nothing.
+#[cfg(target_os = "linux")]
 const LEAST: usize = 2 << 20;
 
 /// Asks the kernel to back `memory` with large pages. Before it is first touched is best; nothing

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use glam::DVec3;
-use sdf_grid::mesh_io::{read, write_obj};
+use sdf_grid::mesh_io::{MeshFile, ReadOptions, examine, read, write_obj};
 use sdf_grid::shapes::{self, PegInHole};
 use sdf_grid::{LengthUnit, MeshError, RepairOptions, RepairReport, TriangleMesh};
 
@@ -462,4 +462,32 @@ proptest::proptest! {
             proptest::prop_assert_eq!(report.triangles, mesh.triangles().len());
         }
     }
+}
+
+/// What a browser reads of a file, which it has no path to.
+#[test]
+fn bytes_with_a_name_are_read_as_the_file_is() {
+    let folder = Folder::new();
+    let (_, peg) = PegInHole::Combined.pair(0.0).unwrap();
+    let path = folder.0.path().join("peg.OBJ");
+    write_obj(&path, &peg).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    let options = ReadOptions::default();
+    let (mut found, mesh) = MeshFile::from_bytes("peg.OBJ", &bytes)
+        .and_then(|file| file.examine(&options))
+        .unwrap();
+    let expected = examine(&path, &options).unwrap();
+    assert_eq!(found.report.triangles, mesh.triangles().len());
+    found.report.name = expected.report.name.clone();
+    assert_eq!(found, expected);
+    let refused = |name: &str, bytes: &[u8]| match MeshFile::from_bytes(name, bytes) {
+        Err(MeshError::Format { found, .. }) => found,
+        other => panic!("{name}: {other:?}"),
+    };
+    assert_eq!(refused("peg.dwg", &bytes), "dwg");
+    assert_eq!(refused("peg", &bytes), "");
+    // No converter runs on what is on no disk.
+    assert_eq!(refused("peg.step", b"ISO-10303-21;\n"), "step");
+    let page = MeshFile::from_bytes("peg.stp", b"<!doctype html>");
+    assert!(matches!(page, Err(MeshError::Foreign { .. })), "{page:?}");
 }

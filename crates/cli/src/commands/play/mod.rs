@@ -1,7 +1,6 @@
 //! `pegfit play`: the loop on a page.
 
 mod browser;
-mod content;
 
 use std::fs::File;
 use std::path::Path;
@@ -9,7 +8,7 @@ use std::sync::Arc;
 
 use fft_correlate::Pose;
 use haptic::{GuidedJoint, LoopReport, TimedPath};
-use pegfit_play::{Content, Options, PlaySession, Server};
+use pegfit_play::{Content, Options, PlaySession, PlayedScene, SceneContent, Server, start_pose};
 use pegfit_scene::poses::PoseReader;
 use pegfit_scene::{LivePairs, Scene};
 use sdf_grid::Monitor;
@@ -18,7 +17,6 @@ use serde_json::json;
 
 use crate::args::PlayArgs;
 use crate::commands::play::browser::Signpost;
-use crate::commands::play::content::SceneContent;
 use crate::commands::{demo, joint, scenes};
 use crate::context::Context;
 use crate::error::CommandError;
@@ -105,15 +103,22 @@ fn play(
     let pairs = LivePairs::start(scene, assembly, args.table.as_deref(), &quiet)?;
     scenes::print_warnings(&pairs.warnings, context);
     check_interrupt()?;
-    let content = SceneContent::new(scene, &pairs, args.table.as_deref(), context)?;
-    let content = Arc::new(content);
     let source = pairs.live.source();
     let (workspace, geometry) = (pairs.assembly.workspace(), pairs.assembly.geometry(source));
+    let played = PlayedScene {
+        scene,
+        assembly: &pairs.assembly,
+        names: &pairs.names,
+        source,
+        geometry,
+        table: args.table.as_deref(),
+    };
+    let content = Arc::new(SceneContent::new(&played, quiet)?);
     let session = PlaySession {
         source,
         config: scene.device.clone(),
         workspace,
-        start: content::start_pose(&geometry, workspace.grip),
+        start: start_pose(&geometry, workspace.grip),
         geometry,
         joints: joints.to_vec(),
         path: poses.and_then(|poses| TimedPath::new(poses, &workspace)),

@@ -2,7 +2,7 @@
 //! every term, products with the fixed spectra, one x transform back for each sum), inverse planes.
 
 use std::ops::Range;
-use std::time::Instant;
+use web_time::Instant;
 
 use fearless_simd::prelude::*;
 use fearless_simd_macros::simd;

@@ -8,7 +8,9 @@ pub(crate) mod port;
 mod replay_tests;
 pub mod report;
 pub mod spacemouse;
+#[cfg(not(target_family = "wasm"))]
 mod system;
 
 pub use port::{Connector, Decoder, HidInput, HidPort};
+#[cfg(not(target_family = "wasm"))]
 pub use system::{connector, enumerate, open, open_with};

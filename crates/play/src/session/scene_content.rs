@@ -1,31 +1,30 @@
 //! Content of a page besides the loop: surfaces, densities, places, and the error of the forces.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use fft_correlate::{
     DirectOptions, DockingRequest, EnergyScale, EnergySource, Placement, Pose, TableStore,
 };
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 use haptic::Geometry;
 use pegfit_pictures::{Slice, sheet, skeleton_points};
-use pegfit_play::{Content, MOST_TRIANGLES, MeshMessage};
-use pegfit_scene::{Assembly, LivePairs, Scene, SceneSetup};
+use pegfit_scene::{Assembly, Scene, SceneSetup};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 use sdf_grid::{DensityKernel, Monitor, TriangleMesh};
 use serde_json::{Value, json};
 
-use crate::commands::plot::on_plane;
-use crate::context::Context;
-use crate::error::CommandError;
-use crate::terminal::progress::interrupted;
+use crate::error::PlayError;
+use crate::protocol::mesh::{MOST_TRIANGLES, MeshMessage};
+use crate::session::content::Content;
 
 /// Poses that a search lists.
 const FITS: usize = 6;
 
-/// A scene's content.
-pub(super) struct SceneContent {
+/// What a page shows of a scene.
+pub struct SceneContent {
     assembly: Assembly,
     /// Surfaces of the fixed parts where they stand, in the scene's order.
     fixed: Vec<MeshMessage>,
@@ -33,37 +32,55 @@ pub(super) struct SceneContent {
     /// The coordinate axis across which parts are cut open: 0, 1, 2.
     cut: usize,
     description: Value,
+    monitor: Arc<dyn Monitor + Send>,
     /// Nobody looks any more.
     over: AtomicBool,
 }
 
 /// Shows nothing; cancels what nobody waits for any more.
-struct CancelFlag<'a>(&'a AtomicBool);
+struct Quiet<'a>(&'a SceneContent);
 
-impl Monitor for CancelFlag<'_> {
+impl Monitor for Quiet<'_> {
     fn cancelled(&self) -> bool {
-        self.0.load(Ordering::Relaxed) || interrupted()
+        self.0.over.load(Ordering::Relaxed) || self.0.monitor.cancelled()
     }
 }
 
+/// A scene whose loop runs.
+pub struct PlayedScene<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// The pair of its first fixed part.
+    pub assembly: &'a Assembly,
+    /// Names of its fixed parts.
+    pub names: &'a [String],
+    /// Energy at poses in the scene.
+    pub source: &'a dyn EnergySource,
+    /// Where the fit is and how one gets there.
+    pub geometry: Geometry,
+    /// The table whose energies these are, if any.
+    pub table: Option<&'a Path>,
+}
+
 impl SceneContent {
-    /// Reads what is shown of `scene`, whose pairs are loaded.
-    pub(super) fn new(
-        scene: &Scene,
-        pairs: &LivePairs,
-        table: Option<&Path>,
-        context: &Context,
-    ) -> Result<Self, CommandError> {
-        let loaded = &pairs.assembly;
+    /// Reads what is shown of a scene. Searches end when `monitor` says so, whom nothing is shown.
+    ///
+    /// # Errors
+    /// If a mesh of a further part, or the table, cannot be read, or a part has no interior.
+    pub fn new(
+        played: &PlayedScene<'_>,
+        monitor: Arc<dyn Monitor + Send>,
+    ) -> Result<Self, PlayError> {
+        let loaded = played.assembly;
         let assembly = Assembly {
             setup: loaded.setup.clone(),
             pair: loaded.pair.clone(),
             field_seconds: loaded.field_seconds,
         };
         let mut fixed = vec![message(&assembly.setup.placed_fixed())];
-        for part in &scene.others {
-            let single = scene.clone().only(Some(&part.name))?;
-            let setup = SceneSetup::read(single, context.memory)?;
+        for part in &played.scene.others {
+            let single = played.scene.clone().only(Some(&part.name))?;
+            let setup = SceneSetup::read(single, assembly.setup.memory)?;
             fixed.push(message(&setup.placed_fixed()));
         }
         let moving = message(&assembly.setup.moving_at(&Pose::IDENTITY));
@@ -71,31 +88,33 @@ impl SceneContent {
             assembly,
             fixed,
             moving,
-            cut: cut_axis(&loaded.geometry(pairs.live.source())),
+            cut: cut_axis(&played.geometry),
             description: Value::Null,
+            monitor,
             over: AtomicBool::new(false),
         };
-        content.description = content.describe(pairs, table)?;
+        content.description = content.describe(played)?;
         Ok(content)
     }
 
     /// Ends searches that still run.
-    pub(super) fn end(&self) {
+    pub fn end(&self) {
         self.over.store(true, Ordering::Relaxed);
     }
 
-    fn describe(&self, pairs: &LivePairs, table: Option<&Path>) -> Result<Value, CommandError> {
-        let (assembly, source) = (&self.assembly, pairs.live.source());
-        let geometry = assembly.geometry(source);
+    fn describe(&self, played: &PlayedScene<'_>) -> Result<Value, PlayError> {
+        let (assembly, source) = (&self.assembly, played.source);
+        let geometry = played.geometry;
         let limits = &assembly.scene().device.limits;
         let grip = assembly.workspace().grip;
-        let (source_words, error) = match table.or(assembly.scene().fixed.table.as_deref()) {
+        let (source_words, error) = match (played.table).or(assembly.scene().fixed.table.as_deref())
+        {
             Some(path) => of_table(path)?,
             None => of_evaluator(assembly, source, &geometry)?,
         };
         Ok(json!({
             "title": assembly.scene().moving.name,
-            "fixed": pairs.names,
+            "fixed": played.names,
             "moving": assembly.scene().moving.name,
             "seated": pegfit_scene::poses::pose_fields(&geometry.seated),
             "axis": geometry.axis.to_array(),
@@ -154,8 +173,8 @@ impl SceneContent {
         };
         let bounds = mesh.bounds();
         let bounds = bounds.grown(0.2 * bounds.size().max_element());
-        let monitor = CancelFlag(&self.over);
-        let field = on_plane(&mesh, &self.assembly, &bounds, &slice, &monitor).ok()?;
+        let sigma = self.assembly.pair.model().sigma;
+        let field = slice.density(&mesh, sigma, &bounds, &Quiet(self)).ok()?;
         let inside = sheet(&field.interior, &field, &slice);
         let outside = sheet(&field.exterior, &field, &slice);
         let lattice = field.lattice();
@@ -166,9 +185,8 @@ impl SceneContent {
             bytes.extend(u32::try_from(count).ok()?.to_le_bytes());
         }
         let spacing = lattice.spacing();
-        let side = |axis: usize| glam::DVec3::AXES[axis] * (spacing * shape[axis] as f64);
-        let corner =
-            lattice.origin() - 0.5 * spacing * (glam::DVec3::AXES[across] + glam::DVec3::AXES[up]);
+        let side = |axis: usize| DVec3::AXES[axis] * (spacing * shape[axis] as f64);
+        let corner = lattice.origin() - 0.5 * spacing * (DVec3::AXES[across] + DVec3::AXES[up]);
         for vector in [corner, side(across), side(up)] {
             bytes.extend(floats(vector.to_array()));
         }
@@ -189,7 +207,7 @@ impl SceneContent {
         // Of a part that is there near the fit only, all of it.
         let pair = match pair.is_whole() {
             true => pair.clone(),
-            false => self.assembly.setup.pair(&CancelFlag(&self.over)).ok()?,
+            false => self.assembly.setup.pair(&Quiet(self)).ok()?,
         };
         let field = match name {
             "moving" => pair.moving(),
@@ -232,11 +250,11 @@ impl Content for SceneContent {
             top: FITS,
             ..setup.docking_options()
         };
-        let found = (setup.dock(options, &CancelFlag(&self.over))).map_err(|e| e.to_string())?;
+        let found = (setup.dock(options, &Quiet(self))).map_err(|e| e.to_string())?;
         // As the loop would have it there, not the search on its own lattice.
         let poses: Vec<Pose> = found.poses.iter().map(|p| p.found.pose).collect();
         let mut energies = vec![f64::NAN; poses.len()];
-        let pairs = setup.pairs_at(&poses, &CancelFlag(&self.over));
+        let pairs = setup.pairs_at(&poses, &Quiet(self));
         for (pair, indices) in pairs.map_err(|e| e.to_string())? {
             let source = setup.direct(&pair, &DirectOptions::REAL_TIME);
             let source = source.map_err(|e| e.to_string())?;
@@ -275,9 +293,8 @@ fn place(title: &str, note: &str, pose: &Pose) -> Value {
 }
 
 /// Where energies come from, and how far they are off: of a table, what it states.
-fn of_table(path: &Path) -> Result<(String, String), CommandError> {
-    let store = TableStore::open(path)
-        .map_err(|e| CommandError::bad_input(path.display().to_string(), e))?;
+fn of_table(path: &Path) -> Result<(String, String), PlayError> {
+    let store = TableStore::open(path).map_err(pegfit_scene::SceneError::from)?;
     let error = match store.error_report() {
         Some(report) => {
             let share = |e: &fft_correlate::table::Errors| 100.0 * e.rms / e.scale;
@@ -297,7 +314,7 @@ fn of_evaluator(
     assembly: &Assembly,
     source: &dyn EnergySource,
     geometry: &Geometry,
-) -> Result<(String, String), CommandError> {
+) -> Result<(String, String), PlayError> {
     let full = assembly.source(&DirectOptions::FULL)?;
     let error = 100.0 * force_error(source, &full, geometry);
     let spacing = 1e3 * assembly.pair.spacing();
@@ -326,7 +343,7 @@ fn at_depth(geometry: &Geometry, depth: f64) -> Pose {
 
 /// Where the hand begins: before the entrance, beside the axis, tilted a little; `grip` is the point
 /// of the part about which it is turned.
-pub(super) fn start_pose(geometry: &Geometry, grip: glam::DVec3) -> Pose {
+pub fn start_pose(geometry: &Geometry, grip: DVec3) -> Pose {
     let before = at_depth(geometry, -0.4 * geometry.depth);
     let side = geometry.axis.any_orthonormal_vector();
     let turn = DQuat::from_axis_angle(side.cross(geometry.axis), geometry.tilt);
@@ -365,9 +382,8 @@ fn force_error(source: &dyn EnergySource, truth: &dyn EnergySource, geometry: &G
     let (mut difference, mut scale) = (0.0, 0.0);
     for _ in 0..POSES {
         let mut pose = at_depth(geometry, geometry.depth * rng.random_range(0.0..1.0));
-        let mut any = |most: f64| {
-            glam::DVec3::from_array([(); 3].map(|()| rng.random_range(-1.0..1.0) * most))
-        };
+        let mut any =
+            |most: f64| DVec3::from_array([(); 3].map(|()| rng.random_range(-1.0..1.0) * most));
         pose.translation += any(0.3 * geometry.radius);
         pose.rotation =
             (DQuat::from_scaled_axis(any(0.5 * geometry.tilt)) * pose.rotation).normalize();

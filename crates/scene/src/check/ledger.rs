@@ -1,19 +1,13 @@
-//! Prints what a reader read, ignored and assumed of a file.
+//! What a reader read, ignored and assumed of a file, for people.
 
 use sdf_grid::text::shown;
 use sdf_grid::{Ledger, LedgerKind};
 
-/// Entries of one kind printed one by one.
+/// Entries of one kind listed one by one.
 const MOST_LISTED: usize = 20;
 
-/// Prints what was read in one line, then a line for each item that was ignored or assumed.
-pub(crate) fn print(ledger: &Ledger) {
-    for line in lines(ledger) {
-        say!("{line}");
-    }
-}
-
-fn lines(ledger: &Ledger) -> Vec<String> {
+/// What was read in one line, then a line for each item that was ignored or assumed.
+pub fn ledger_lines(ledger: &Ledger) -> Vec<String> {
     let read: Vec<String> = ledger
         .of_kind(LedgerKind::Read)
         .map(|e| format!("{} {}", e.count, shown(&e.item)))
@@ -60,11 +54,11 @@ mod tests {
             "  ignored      vn (6 times): it says nothing of the solid",
             "  assumed      unit: mm",
         ];
-        assert_eq!(lines(&ledger), expected);
+        assert_eq!(ledger_lines(&ledger), expected);
         for item in 0..30 {
             ledger.add(LedgerKind::Ignored, &item.to_string(), "one of many");
         }
-        let said = lines(&ledger);
+        let said = ledger_lines(&ledger);
         assert_eq!(said.len(), 1 + 20 + 1 + 1);
         assert!(said.contains(&"  ignored      and 11 more: --json has all".to_owned()));
     }

@@ -379,7 +379,7 @@ class Pair:
     @property
     def pivot(self) -> Float:
         """The point of the moving part that displacements speak of, metres, `(3,)`."""
-        return np.array(self._core.pivot(None))
+        return np.array(self._core.pivot())
 
     def evaluator(
         self,

@@ -155,7 +155,7 @@ impl SceneContent {
         let bounds = mesh.bounds();
         let bounds = bounds.grown(0.2 * bounds.size().max_element());
         let monitor = CancelFlag(&self.over);
-        let field = on_plane(&mesh, &self.assembly, &bounds, &slice, &monitor).ok()?;
+        let field = on_plane(&mesh, &self.assembly.setup, &bounds, &slice, &monitor).ok()?;
         let inside = sheet(&field.interior, &field, &slice);
         let outside = sheet(&field.exterior, &field, &slice);
         let lattice = field.lattice();

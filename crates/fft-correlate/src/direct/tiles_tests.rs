@@ -172,7 +172,7 @@ fn who_cannot_be_answered_is_told_why_and_may_ask_again() {
 
     setup.builder.memory_limit = Some(tiles(&evaluator).pieces.bytes() + 1000);
     let evaluator = TiledEvaluator::new(&setup, &DirectOptions::FULL, &Silent).unwrap();
-    let refused = evaluator.response(&fit, &mut scratch, &Silent);
+    let refused = evaluator.response(&fit, &mut evaluator.scratch(), &Silent);
     let too_large = |error: &TileError| {
         matches!(
             error,

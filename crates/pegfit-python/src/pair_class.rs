@@ -269,7 +269,12 @@ impl PyPair {
             cache: cache.map(FieldCache::new).transpose()?,
             ..PairSetup::new(Arc::clone(&fixed.mesh), Arc::clone(&moving.mesh))
         };
-        guarded(|| Ok(setup.plan_unlimited()?))?;
+        guarded(|| {
+            Ok(TiledEvaluator::require_memory(
+                &setup,
+                &DirectOptions::FULL,
+            )?)
+        })?;
         let parts = Parts {
             setup,
             name: moving.name().to_owned(),

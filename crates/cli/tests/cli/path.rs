@@ -158,7 +158,9 @@ fn plate_and_pin() -> tempfile::TempDir {
 #[test]
 fn a_pin_goes_into_a_plate_that_does_not_fit_in_memory() {
     let folder = plate_and_pin();
-    let little = |args: &[&str]| [args, &["--memory", "0.01"]].concat();
+    fn little<'a>(args: &[&'a str]) -> Vec<&'a str> {
+        [args, &["--memory", "0.01"]].concat()
+    }
     let whole = refuse(
         folder.path(),
         &little(&words("plot force scene.toml -o f.png")),

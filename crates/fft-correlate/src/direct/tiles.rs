@@ -134,17 +134,41 @@ impl TiledEvaluator {
     /// # Errors
     /// If the pair cannot be planned.
     pub fn is_worthwhile(setup: &PairSetup, options: &DirectOptions) -> Result<bool, TileError> {
+        Ok(Self::tile_at_fit(setup, options)?.is_some())
+    }
+
+    /// Refuses a setup that cannot be evaluated at its fit within its memory limit; computes nothing.
+    ///
+    /// # Errors
+    /// If the pair cannot be planned, or does not fit.
+    pub fn require_memory(setup: &PairSetup, options: &DirectOptions) -> Result<(), TileError> {
+        match Self::tile_at_fit(setup, options)? {
+            Some(tile) => {
+                tile.require_bytes(tile.building_bytes(), setup.builder.memory_limit)?;
+            }
+            None => {
+                setup.plan().map_err(PairSetupError::from)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The plan of the tile at the fit, if tiles are worthwhile.
+    fn tile_at_fit(
+        setup: &PairSetup,
+        options: &DirectOptions,
+    ) -> Result<Option<PairPlan>, TileError> {
         let plan = setup.plan_unlimited().map_err(PairSetupError::from)?;
         let parts = [&*setup.fixed, &*setup.moving];
         let few = options.max_points.is_some();
         if setup.builder.smoothing.is_none() || few && !plan.keeps_points(parts) {
-            return Ok(false);
+            return Ok(None);
         }
-        let edge = plan.radius(parts);
         let fit = plan.place(parts, &setup.assembled);
-        let tile = Aabb::around([fit]).grown(0.5 * edge);
-        let tile = plan.in_box(parts, &tile).map_or(0, |tile| tile.bytes);
-        Ok((tile as f64) < FAR_LESS * plan.bytes as f64)
+        let places = Aabb::around([fit]).grown(0.5 * plan.radius(parts));
+        // Where nothing is in reach of the fit there is nothing to save.
+        let tile = plan.in_box(parts, &places);
+        Ok(tile.filter(|tile| (tile.bytes as f64) < FAR_LESS * plan.bytes as f64))
     }
 
     /// Energy and wrench at a pose of the shapes; loads what it needs. `scratch` is

@@ -27,6 +27,10 @@ use crate::pair::fields::{Pair, PairError};
 use crate::pair::reach::PairPieces;
 use crate::pair::setup::{EnergyScaleError, PairSetup, PairSetupError};
 
+/// Edge of a tile, in units of how far the smaller part reaches from its middle: a tile takes little
+/// more than a single pose, and poses about a fit, which is in the middle of one, take few.
+const EDGE: f64 = 0.5;
+
 /// From this share of the whole pair on that a tile needs, the whole one is loaded.
 const FAR_LESS: f64 = 0.35;
 
@@ -165,7 +169,7 @@ impl TiledEvaluator {
             return Ok(None);
         }
         let fit = plan.place(parts, &setup.assembled);
-        let places = Aabb::around([fit]).grown(0.5 * plan.radius(parts));
+        let places = Aabb::around([fit]).grown(0.5 * EDGE * plan.radius(parts));
         // Where nothing is in reach of the fit there is nothing to save.
         let tile = plan.in_box(parts, &places);
         Ok(tile.filter(|tile| (tile.bytes as f64) < FAR_LESS * plan.bytes as f64))
@@ -440,7 +444,7 @@ impl Tiles {
         let gamma = setup.gamma()?;
         plan.require_bytes(plan.smaller_bytes(parts), setup.builder.memory_limit)?;
         let pieces = apart(|| plan.pieces(parts, setup.cache.as_ref(), monitor))??;
-        let edge = plan.radius(parts);
+        let edge = EDGE * plan.radius(parts);
         let fit = plan.place(parts, &setup.assembled);
         Ok(Self {
             origin: fit - 0.5 * edge,

@@ -1,6 +1,7 @@
 //! Energy sources: the energy and wrench at a pose, for the haptic loop and every scorer.
 
 use std::any::Any;
+use std::sync::Arc;
 
 use crate::geometry::placement::Placement;
 use crate::geometry::se3::{Pose, Wrench};
@@ -73,7 +74,9 @@ fn refuse<T>(found: Option<&str>) -> ! {
 /// Anything that gives energy and wrench at a pose: a table, a direct evaluator, a sum of several.
 ///
 /// The wrench is minus the gradient of the energy under [`Pose::perturbed`]. `evaluate` allocates
-/// nothing, takes no lock, and returns finite numbers for every valid pose.
+/// nothing, takes no lock, and returns finite numbers for every valid pose; but for a source that
+/// loads what a pose needs when it is asked ([`crate::WatchedTiles`]), which is no source for a loop
+/// in real time and tells by [`EnergySource::has_failed`] if it could not.
 ///
 /// A scratch goes to the source that made it. Giving it to another one is a mistake of the caller:
 /// a source whose answer depends on its scratch panics then, naming both types
@@ -124,6 +127,34 @@ pub trait EnergySource: Send + Sync {
     /// and takes no lock.
     fn is_loaded(&self, _pose: &Pose, _scratch: &Scratch) -> bool {
         true
+    }
+
+    /// Whether an answer could not be had, as of a source that loads what it needs. All numbers of
+    /// such an answer, and of all later ones, are NaN, and its coverage is 0.
+    fn has_failed(&self) -> bool {
+        false
+    }
+}
+
+impl<S: EnergySource + ?Sized> EnergySource for Arc<S> {
+    fn scratch(&self) -> Scratch {
+        (**self).scratch()
+    }
+
+    fn evaluate(&self, pose: &Pose, scratch: &mut Scratch) -> Response {
+        (**self).evaluate(pose, scratch)
+    }
+
+    fn refresh(&self, pose: &Pose, scratch: &mut Scratch) -> Option<Response> {
+        (**self).refresh(pose, scratch)
+    }
+
+    fn is_loaded(&self, pose: &Pose, scratch: &Scratch) -> bool {
+        (**self).is_loaded(pose, scratch)
+    }
+
+    fn has_failed(&self) -> bool {
+        (**self).has_failed()
     }
 }
 
@@ -179,6 +210,10 @@ impl<S: EnergySource> EnergySource for InScene<S> {
     fn is_loaded(&self, pose: &Pose, scratch: &Scratch) -> bool {
         self.source
             .is_loaded(&self.placement.to_shapes(pose), scratch)
+    }
+
+    fn has_failed(&self) -> bool {
+        self.source.has_failed()
     }
 }
 

@@ -53,6 +53,7 @@ pub use correlate::correlator::Correlator;
 pub use correlate::support::CorrelateError;
 pub use direct::condition::Condition;
 pub use direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
+pub use direct::tiles::{TileError, TiledEvaluator, WatchedTiles};
 pub use dock::docking::{Docking, DockingPose, DockingRequest, DockingResult};
 pub use dock::error::DockingError;
 pub use dock::peaks::{Peak, top_peaks};

@@ -67,6 +67,9 @@ pub enum PathError {
         /// What differs.
         item: &'static str,
     },
+    /// The source of energies had no answer ([`fft_correlate::EnergySource::has_failed`]).
+    #[error("the energies along the path cannot be computed")]
+    Energies,
     /// The monitor asked to stop.
     #[error("cancelled")]
     Cancelled,

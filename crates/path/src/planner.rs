@@ -120,7 +120,7 @@ impl PathSearch {
     ///
     /// # Errors
     /// If a pose is not one, the parts overlap at the goal or start and that is not allowed, the goal is
-    /// outside, or the monitor cancels.
+    /// outside, the source fails, or the monitor cancels.
     pub fn find(
         &self,
         goal: &Pose,
@@ -171,12 +171,15 @@ impl PathSearch {
         let search_seconds = began.elapsed().as_secs_f64();
         monitor.begin("straightening", 1);
         let began = Instant::now();
-        let mut result = self.result(goal, &opened, &outwards, source, &stop);
+        let failed = || source.is_some_and(EnergySource::has_failed);
+        let ended = || stop() || failed();
+        let mut result = self.result(goal, &opened, &outwards, source, &ended);
         result.effort = self.effort(&opened, search_seconds, began);
         monitor.advance(1);
-        match monitor.cancelled() {
-            true => Err(PathError::Cancelled),
-            false => Ok(result),
+        match (monitor.cancelled(), failed()) {
+            (true, _) => Err(PathError::Cancelled),
+            (false, true) => Err(PathError::Energies),
+            (false, false) => Ok(result),
         }
     }
 

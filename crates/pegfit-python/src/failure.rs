@@ -6,7 +6,8 @@ use fft_correlate::table::TableSetupError;
 use fft_correlate::tolerance::ToleranceError;
 use fft_correlate::{
     BakeError, CorrelateError, DirectError, DockingError, EnergyScaleError, PairBuildError,
-    PairError, PairSetupError, RotationError, StoreError, TableError, TablePlanError, WellError,
+    PairError, PairSetupError, RotationError, StoreError, TableError, TablePlanError, TileError,
+    WellError,
 };
 use haptic::{ConfigError, HapticError};
 use pegfit_scene::SceneError;
@@ -418,6 +419,16 @@ impl From<PairBuildError> for Failure {
     }
 }
 
+impl From<TileError> for Failure {
+    fn from(error: TileError) -> Self {
+        match error {
+            TileError::Setup(inner) => inner.into(),
+            TileError::Direct(inner) => inner.into(),
+            TileError::Threads { .. } => Self::from_error(Kind::General, &error),
+        }
+    }
+}
+
 impl From<PairSetupError> for Failure {
     fn from(error: PairSetupError) -> Self {
         match error {
@@ -623,6 +634,7 @@ impl From<ToleranceError> for Failure {
             ToleranceError::Plan(inner) => inner.into(),
             ToleranceError::Table(inner) => inner.into(),
             ToleranceError::Direct(inner) => inner.into(),
+            ToleranceError::Threads(inner) => inner.into(),
             ToleranceError::Cancelled => said,
         }
     }

@@ -20,7 +20,7 @@ use serde_json::{Map, Value};
 use crate::failure::{Failure, Kind};
 use crate::pair_class::{Parts, PyPair};
 use crate::poses;
-use crate::source::{AnySource, Source};
+use crate::source::{AnySource, LoopSource, Source};
 use crate::work::{Watch, guarded, run};
 
 fn script_named(name: &str) -> Result<Script, Failure> {
@@ -44,11 +44,12 @@ fn hold(
     watch: &Watch,
 ) -> Result<(DeviceSpec, Outcome), Failure> {
     let (setup, fit) = (&parts.setup, &parts.fit);
-    let pivot = parts.pair(watch)?.pivot();
+    let pivot = parts.pivot()?;
     let placed = setup.placement.moving;
     let moving = setup
         .moving
         .transformed(placed.rotation, placed.translation);
+    let source = source.for_loop(watch)?;
     let source = source.as_source();
     let geometry = Geometry::from_fit(source, &moving, fit.assembled, fit.axis, fit.depth);
     let workspace = parts.device.workspace(fit.assembled, placed.apply(pivot));
@@ -186,7 +187,7 @@ fn body(rate: f64) -> DeviceSpec {
 /// The force path between a body and a source: gate, coupling, passivity, limits.
 #[pyclass(frozen, module = "pegfit._core", name = "ForcePath")]
 pub(crate) struct PyForcePath {
-    source: AnySource,
+    source: LoopSource,
     period: f64,
     state: Mutex<State>,
 }
@@ -202,7 +203,7 @@ type Step = ([f64; 3], [f64; 3], f64, f64, f64, u16);
 impl State {
     fn step(
         &mut self,
-        source: &AnySource,
+        source: &LoopSource,
         part: &Pose,
         time: f64,
         period: f64,
@@ -235,13 +236,14 @@ impl State {
 impl PyForcePath {
     /// `config` is JSON; `grip` the point of the part (metres, its frame) that the coupling holds.
     #[new]
-    fn new(source: &Source, config: &str, grip: [f64; 3]) -> Result<Self, Failure> {
+    fn new(py: Python<'_>, source: &Source, config: &str, grip: [f64; 3]) -> PyResult<Self> {
         let source = source.get()?;
         let config = device_config(config)?;
         let grip = DVec3::from_array(grip);
         if !grip.is_finite() {
-            return Err(Failure::found(Kind::Device, "grip", "finite numbers", grip));
+            return Err(Failure::found(Kind::Device, "grip", "finite numbers", grip).into());
         }
+        let source = run(py, None, move |watch| source.for_loop(watch))?;
         let workspace = Workspace::new(config.workspace_scale, Pose::IDENTITY, grip);
         let scratch = source.as_source().scratch();
         let body = body(config.rate_hz);
@@ -279,15 +281,16 @@ type BodyStep = ([f64; 3], [f64; 3], f64, f64, u32);
 /// A force that takes no more energy out of a body's motion than there is.
 #[pyclass(frozen, module = "pegfit._core", name = "BodyForce")]
 pub(crate) struct PyBodyForce {
-    source: AnySource,
+    source: LoopSource,
     state: Mutex<BodyForce>,
 }
 
 #[pymethods]
 impl PyBodyForce {
     #[new]
-    fn new(source: &Source) -> Result<Self, Failure> {
+    fn new(py: Python<'_>, source: &Source) -> PyResult<Self> {
         let source = source.get()?;
+        let source = run(py, None, move |watch| source.for_loop(watch))?;
         let scratch = source.as_source().scratch();
         Ok(Self {
             source,

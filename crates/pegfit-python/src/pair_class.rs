@@ -5,20 +5,19 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use fft_correlate::tolerance::{ToleranceError, TolerantDirect};
 use fft_correlate::{
-    DirectEvaluator, DirectOptions, EnergyScale, InScene, Pair, PairBuilder, PairSetup, Pose,
-    RotationDomain, ScoreModel,
+    DirectOptions, EnergyScale, Pair, PairBuilder, PairSetup, Pose, RotationDomain, ScoreModel,
+    TiledEvaluator,
 };
 use glam::DVec3;
 use haptic::HapticConfig;
 use pegfit_scene::{FitChoice, Scene, SceneSetup};
 use pyo3::prelude::*;
-use sdf_grid::{FieldCache, Monitor};
+use sdf_grid::{Aabb, FieldCache, Monitor};
 
 use crate::failure::{Failure, Kind};
 use crate::memory_budget;
 use crate::parts::{Mesh, Surface, index_array, vertex_array};
-use crate::source::AnySource;
-use crate::source::Source;
+use crate::source::{AnySource, Source};
 use crate::work::{guarded, run};
 
 /// Rotations tabulated unless others are given, as in a scene: a ball about the modelled pose.
@@ -36,7 +35,26 @@ pub(crate) struct Parts {
     pub(crate) fit: FitChoice,
     pub(crate) device: HapticConfig,
     pub(crate) memory: u64,
-    fields: Mutex<Option<Arc<Pair>>>,
+    loaded: Loaded,
+}
+
+/// What has been computed of a pair.
+#[derive(Default)]
+pub(crate) struct Loaded {
+    pair: Mutex<Option<Arc<Pair>>>,
+    /// The last pair for a window alone.
+    window: Mutex<Option<Arc<Pair>>>,
+    energies: Mutex<Option<Arc<TiledEvaluator>>>,
+}
+
+fn taken<T>(from: &Mutex<Option<Arc<T>>>) -> Option<Arc<T>> {
+    let kept = from.lock().unwrap_or_else(PoisonError::into_inner);
+    kept.clone()
+}
+
+fn kept<T>(value: T, at: &Mutex<Option<Arc<T>>>) -> Arc<T> {
+    let mut kept = at.lock().unwrap_or_else(PoisonError::into_inner);
+    Arc::clone(kept.get_or_insert(Arc::new(value)))
 }
 
 impl Parts {
@@ -46,38 +64,96 @@ impl Parts {
         if let Some(pair) = self.computed() {
             return Ok(pair);
         }
-        let pair = Arc::new(self.setup.load(monitor)?);
-        let mut kept = self.fields.lock().unwrap_or_else(PoisonError::into_inner);
-        Ok(Arc::clone(kept.get_or_insert(pair)))
+        Ok(kept(self.setup.load(monitor)?, &self.loaded.pair))
     }
 
     /// The pair, if its fields have been computed.
     pub(crate) fn computed(&self) -> Option<Arc<Pair>> {
-        let kept = self.fields.lock().unwrap_or_else(PoisonError::into_inner);
-        kept.clone()
+        taken(&self.loaded.pair)
     }
 
-    /// A direct evaluator, asked in the scene: on the pair's own lattice, or on one that meets a
-    /// tolerance.
+    /// The pair for poses whose displacement of the pivot lies in a box, metres; the whole one if that is
+    /// there or most of it would be needed.
+    pub(crate) fn pair_in(
+        &self,
+        displacements: &Aabb,
+        monitor: &dyn Monitor,
+    ) -> Result<Arc<Pair>, Failure> {
+        if let Some(pair) = self.computed() {
+            return Ok(pair);
+        }
+        let last = taken(&self.loaded.window);
+        let holds = |pair: &Arc<Pair>| {
+            let held = pair.displacements();
+            held.is_some_and(|d| {
+                [displacements.min, displacements.max]
+                    .into_iter()
+                    .all(|p| d.contains(p))
+            })
+        };
+        if let Some(pair) = last.filter(holds) {
+            return Ok(pair);
+        }
+        let pair = self.setup.load_in(displacements, monitor)?;
+        if pair.is_whole() {
+            return Ok(kept(pair, &self.loaded.pair));
+        }
+        let pair = Arc::new(pair);
+        let mut last = self
+            .loaded
+            .window
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        *last = Some(Arc::clone(&pair));
+        Ok(pair)
+    }
+
+    /// The point of the moving shape that its poses are counted by, metres; nothing is computed.
+    pub(crate) fn pivot(&self) -> Result<DVec3, Failure> {
+        Ok(self.setup.plan_unlimited()?.pivot)
+    }
+
+    /// Energies at poses of the shapes, as exact as they are; of a large part only what poses reach is
+    /// computed, when they ask. Threads share what has been loaded.
+    pub(crate) fn energies(&self, monitor: &dyn Monitor) -> Result<Arc<TiledEvaluator>, Failure> {
+        if let Some(energies) = taken(&self.loaded.energies) {
+            return Ok(energies);
+        }
+        let energies = self.tiles(&DirectOptions::FULL, monitor)?;
+        Ok(kept(energies, &self.loaded.energies))
+    }
+
+    /// The same of so many points.
+    fn tiles(
+        &self,
+        options: &DirectOptions,
+        monitor: &dyn Monitor,
+    ) -> Result<TiledEvaluator, Failure> {
+        if self.computed().is_none() && TiledEvaluator::is_worthwhile(&self.setup, options)? {
+            return Ok(TiledEvaluator::new(&self.setup, options, monitor)?);
+        }
+        Ok(TiledEvaluator::of_whole(&*self.pair(monitor)?, options)?)
+    }
+
+    /// Direct quadrature, asked in the scene: on the pair's own lattice, or on one that meets a
+    /// tolerance. Has loaded what poses near the fit need.
     fn direct(
         &self,
         tolerance: Option<f64>,
         options: &DirectOptions,
         monitor: &dyn Monitor,
     ) -> Result<Direct, Failure> {
-        let (pair, error) = match tolerance {
-            None => (self.pair(monitor)?, None),
+        let (tiles, error) = match tolerance {
+            None if *options == DirectOptions::FULL => (self.energies(monitor)?, None),
+            None => (Arc::new(self.tiles(options, monitor)?), None),
             Some(tolerance) => {
                 let found = self.tolerant(tolerance, monitor)?;
-                (Arc::new(found.pair), Some(found.error))
+                (Arc::new(found.evaluator), Some(found.error))
             }
         };
-        let source = DirectEvaluator::new(&pair, options)?;
-        let points = source.describe().points();
-        let source = InScene::new(source, self.setup.placement);
         Ok(Direct {
-            source: AnySource::Direct(Arc::new(source)),
-            points,
+            points: tiles.points(&self.setup.assembled, monitor)?,
+            source: AnySource::Direct(tiles, self.setup.placement),
             error,
         })
     }
@@ -193,7 +269,12 @@ impl PyPair {
             cache: cache.map(FieldCache::new).transpose()?,
             ..PairSetup::new(Arc::clone(&fixed.mesh), Arc::clone(&moving.mesh))
         };
-        guarded(|| Ok(setup.plan()?))?;
+        guarded(|| {
+            Ok(TiledEvaluator::require_memory(
+                &setup,
+                &DirectOptions::FULL,
+            )?)
+        })?;
         let parts = Parts {
             setup,
             name: moving.name().to_owned(),
@@ -206,7 +287,7 @@ impl PyPair {
             },
             device: HapticConfig::default(),
             memory,
-            fields: Mutex::new(None),
+            loaded: Loaded::default(),
         };
         Ok(Self::new(parts, Vec::new()))
     }
@@ -232,7 +313,7 @@ impl PyPair {
                 fit: read.scene.fit,
                 device: read.scene.device,
                 memory: read.memory,
-                fields: Mutex::new(None),
+                loaded: Loaded::default(),
             };
             Ok(Self::new(parts, warnings))
         })
@@ -246,7 +327,7 @@ impl PyPair {
     /// Spacing of the lattices, metres, and numbers of triangles.
     fn describe(&self) -> Result<(f64, usize, usize), Failure> {
         let setup = &self.parts.setup;
-        let spacing = guarded(|| Ok(setup.plan()?.spacing()))?;
+        let spacing = guarded(|| Ok(setup.plan_unlimited()?.spacing()))?;
         let triangles = [&setup.fixed, &setup.moving].map(|m| m.triangles().len());
         Ok((spacing, triangles[0], triangles[1]))
     }
@@ -272,13 +353,9 @@ impl PyPair {
     }
 
     /// The point of the placed moving part that poses turn least, metres.
-    #[pyo3(signature = (progress))]
-    fn pivot(&self, py: Python<'_>, progress: Option<Py<PyAny>>) -> PyResult<[f64; 3]> {
-        let parts = Arc::clone(&self.parts);
-        run(py, progress.as_ref(), move |watch| {
-            let pivot = parts.pair(watch)?.pivot();
-            Ok(parts.setup.placement.moving.apply(pivot).to_array())
-        })
+    fn pivot(&self) -> Result<[f64; 3], Failure> {
+        let pivot = guarded(|| self.parts.pivot())?;
+        Ok(self.parts.setup.placement.moving.apply(pivot).to_array())
     }
 
     /// A direct evaluator of the pair, its points, and its error if a tolerance was asked for.

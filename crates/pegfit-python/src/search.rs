@@ -7,8 +7,8 @@ use std::time::Duration;
 use fft_correlate::dock::Ranking;
 use fft_correlate::mating::JointKind;
 use fft_correlate::{
-    Correlator, DirectEvaluator, DirectOptions, Docking, DockingPose, DockingRequest, EnergySource,
-    Placement, Pose, TranslationWindow, top_peaks,
+    Correlator, Docking, DockingPose, DockingRequest, EnergySource, Placement, Pose,
+    TranslationWindow, WatchedTiles, top_peaks,
 };
 use glam::{DQuat, DVec3};
 use ndarray::{Array1, Array2, Array3};
@@ -16,7 +16,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray2, PyReado
 use pegfit::PathReport;
 use pegfit_path::{PathError, PathRequest, PathResult, PathSearch, Start};
 use pyo3::prelude::*;
-use sdf_grid::{LengthUnit, TriangleMesh};
+use sdf_grid::{Aabb, LengthUnit, TriangleMesh};
 
 use crate::failure::{Failure, Kind};
 use crate::pair_class::{Parts, PyPair};
@@ -42,15 +42,17 @@ fn scores(
     window: Option<([f64; 3], [f64; 3])>,
     watch: &crate::work::Watch,
 ) -> Result<Scores, Failure> {
-    let (setup, pair) = (&parts.setup, parts.pair(watch)?);
-    let (min, max) = match window {
-        Some((min, max)) => (DVec3::from_array(min), DVec3::from_array(max)),
-        None => {
-            let middle = setup.center + pair.displacement(&setup.assembled);
-            (middle - setup.reach(), middle + setup.reach())
-        }
+    let setup = &parts.setup;
+    let displacements = match window {
+        Some((min, max)) => Aabb {
+            min: DVec3::from_array(min),
+            max: DVec3::from_array(max),
+        },
+        None => setup.displacements(parts.pivot()?),
     };
-    let window = TranslationWindow::new(min, max, pair.spacing())?;
+    let Aabb { min, max } = displacements;
+    let window = TranslationWindow::new(min, max, setup.plan_unlimited()?.spacing())?;
+    let pair = parts.pair_in(&displacements, watch)?;
     let lattice = *window.lattice();
     let support = fft_correlate::correlate::PairSupport::of(&pair)?;
     let plan = fft_correlate::correlate::CorrelatorPlan::new(&support, &window)?;
@@ -103,11 +105,12 @@ pub(crate) fn poses_at<'py>(
     let rotation = poses::quaternion(rotation)?;
     let displacements = displacements.as_array().to_owned();
     let parts = Arc::clone(&pair.parts);
-    let rows = run(py, None, move |watch| {
-        let (pair, placement) = (parts.pair(watch)?, parts.setup.placement);
+    let rows = run(py, None, move |_| {
+        let (pivot, placement) = (parts.pivot()?, parts.setup.placement);
         let turn = in_shapes(&parts, rotation);
         let rows = displacements.rows().into_iter().map(|d| {
-            let shapes = pair.pose(turn, DVec3::new(d[0], d[1], d[2]));
+            let to = pivot + DVec3::new(d[0], d[1], d[2]);
+            let shapes = Pose::new(turn, to - turn * pivot);
             poses::row(&placement.to_scene(&shapes))
         });
         Ok(poses::array(rows))
@@ -434,13 +437,15 @@ fn find(parts: &Parts, query: &PathQuery, watch: &Watch) -> Result<PathResult, F
     let setup = &parts.setup;
     let (fixed, moving) = (Arc::clone(&setup.fixed), Arc::clone(&setup.moving));
     let search = PathSearch::new(fixed, moving, query.options)?;
-    let source = match query.solids_only {
+    let tiles = match query.solids_only {
         true => None,
-        false => {
-            let pair = parts.pair(watch)?;
-            Some(DirectEvaluator::new(&pair, &DirectOptions::FULL)?)
-        }
+        false => Some(parts.energies(watch)?),
     };
-    let source = source.as_ref().map(|s| s as &dyn EnergySource);
-    Ok(search.find(&query.goal, source, watch)?)
+    let source = tiles.as_ref().map(|tiles| tiles.watched(watch));
+    let asked = source.as_ref().map(|s| s as &dyn EnergySource);
+    let found = search.find(&query.goal, asked, watch);
+    match source.as_ref().and_then(WatchedTiles::failure) {
+        Some(failure) => Err(failure.clone().into()),
+        None => Ok(found?),
+    }
 }

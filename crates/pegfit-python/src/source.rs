@@ -4,11 +4,14 @@ use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, PoisonError, RwLock};
 
-use fft_correlate::{DirectEvaluator, EnergySource, EnergyTable, InScene, Pose, Response, Scratch};
+use fft_correlate::{
+    DirectEvaluator, EnergySource, EnergyTable, InScene, Placement, Pose, Response, Scratch,
+    TiledEvaluator,
+};
 use numpy::{BorrowError, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
-use sdf_grid::Monitor;
+use sdf_grid::{Monitor, Silent};
 
 use crate::failure::{Failure, Kind};
 use crate::poses;
@@ -100,8 +103,16 @@ impl Source {
                 Failure::found(Kind::Pose, "out", format!("{count} rows"), "others").into(),
             );
         }
-        if count <= source.piece() {
-            let alone = || answer(&source, rows, 0, &mut source.batch(), &mut Vec::new());
+        if count <= source.piece() && source.is_ready(rows.poses) {
+            let alone = || {
+                answer(
+                    &source,
+                    rows,
+                    0,
+                    (&mut source.batch(), &mut Vec::new()),
+                    &Silent,
+                )
+            };
             return Ok(py.detach(|| guarded(alone))?);
         }
         run_scoped(py, threads, |watch| answer_all(&source, rows, watch))
@@ -118,11 +129,26 @@ impl Source {
     }
 }
 
-/// A table or a direct evaluator, asked in the scene.
+/// A table or direct quadrature, asked in the scene.
 #[derive(Clone)]
 pub(crate) enum AnySource {
-    Direct(Arc<InScene<DirectEvaluator>>),
+    Direct(Arc<TiledEvaluator>, Placement),
     Table(Arc<InScene<EnergyTable>>),
+}
+
+/// The same for loops, which wait for nothing: all of it is there.
+pub(crate) enum LoopSource {
+    Direct(InScene<Arc<DirectEvaluator>>),
+    Table(Arc<InScene<EnergyTable>>),
+}
+
+impl LoopSource {
+    pub(crate) fn as_source(&self) -> &dyn EnergySource {
+        match self {
+            Self::Direct(source) => source,
+            Self::Table(source) => source.as_ref(),
+        }
+    }
 }
 
 /// Working memory for many poses.
@@ -133,37 +159,78 @@ pub(crate) struct Batch {
 }
 
 impl AnySource {
-    pub(crate) fn as_source(&self) -> &dyn EnergySource {
-        match self {
-            Self::Direct(source) => source.as_ref(),
-            Self::Table(source) => source.as_ref(),
+    /// As a loop asks it; loads what is not there.
+    pub(crate) fn for_loop(&self, monitor: &dyn Monitor) -> Result<LoopSource, Failure> {
+        Ok(match self {
+            Self::Direct(tiles, placement) => {
+                LoopSource::Direct(InScene::new(tiles.whole(monitor)?, *placement))
+            }
+            Self::Table(table) => LoopSource::Table(Arc::clone(table)),
+        })
+    }
+
+    /// Whether all that the first of these poses needs is there.
+    fn is_ready(&self, rows: &[[f64; 7]]) -> bool {
+        let first = rows.first().and_then(|row| poses::pose(row, 0).ok());
+        match (self, first) {
+            (Self::Direct(tiles, placement), Some(pose)) => {
+                tiles.is_loaded(&placement.to_shapes(&pose))
+            }
+            _ => true,
         }
+    }
+
+    /// Rows in an order in which those that need the same come together; none if any order will do.
+    fn order(&self, rows: &[[f64; 7]]) -> Option<Vec<usize>> {
+        let Self::Direct(tiles, placement) = self else {
+            return None;
+        };
+        // Rows that are no poses are refused in their place.
+        let shapes = rows.iter().map(|row| {
+            let pose = poses::pose(row, 0).unwrap_or(Pose::IDENTITY);
+            placement.to_shapes(&pose)
+        });
+        let order = tiles.order(&shapes.collect::<Vec<_>>());
+        (!order.is_sorted()).then_some(order)
     }
 
     /// Poses that one thread answers at a time.
     pub(crate) fn piece(&self) -> usize {
         match self {
-            Self::Direct(_) => 1,
+            Self::Direct(..) => 1,
             Self::Table(_) => 512,
         }
     }
 
     pub(crate) fn batch(&self) -> Batch {
         Batch {
-            scratch: self.as_source().scratch(),
+            scratch: match self {
+                Self::Direct(tiles, _) => tiles.scratch(),
+                Self::Table(table) => table.scratch(),
+            },
             shapes: Vec::new(),
             responses: Vec::new(),
         }
     }
 
     /// Answers at poses in the scene, one after the other.
-    pub(crate) fn respond<'b>(&self, poses: &[Pose], batch: &'b mut Batch) -> &'b [Response] {
+    pub(crate) fn respond<'b>(
+        &self,
+        poses: &[Pose],
+        batch: &'b mut Batch,
+        monitor: &dyn Monitor,
+    ) -> Result<&'b [Response], Failure> {
         batch.responses.clear();
         match self {
-            Self::Direct(source) => {
-                let scratch = &mut batch.scratch;
-                let answers = poses.iter().map(|pose| source.evaluate(pose, scratch));
-                batch.responses.extend(answers);
+            Self::Direct(tiles, placement) => {
+                for pose in poses {
+                    let shapes = placement.to_shapes(pose);
+                    let response = tiles.response(&shapes, &mut batch.scratch, monitor)?;
+                    batch.responses.push(Response {
+                        wrench: placement.wrench_to_scene(pose, &response.wrench),
+                        ..response
+                    });
+                }
             }
             Self::Table(table) => {
                 // Random poses of a large table take less time together: the next one's energies
@@ -182,9 +249,12 @@ impl AnySource {
                 }
             }
         }
-        &batch.responses
+        Ok(&batch.responses)
     }
 }
+
+/// Rows that one thread answers in a row, at most, where their order matters.
+const NEIGHBOURS: usize = 16;
 
 /// Rows of the caller's arrays, or pieces of them, of one length.
 pub(crate) struct Rows<'a> {
@@ -210,8 +280,8 @@ pub(crate) fn answer(
     source: &AnySource,
     mut rows: Rows<'_>,
     first: usize,
-    batch: &mut Batch,
-    read: &mut Vec<Pose>,
+    (batch, read): (&mut Batch, &mut Vec<Pose>),
+    monitor: &dyn Monitor,
 ) -> Result<(), Failure> {
     read.clear();
     let mut refused = None;
@@ -224,7 +294,7 @@ pub(crate) fn answer(
             }
         }
     }
-    for (n, response) in source.respond(read, batch).iter().enumerate() {
+    for (n, response) in source.respond(read, batch, monitor)?.iter().enumerate() {
         rows.write(n, response);
     }
     refused.map_or(Ok(()), Err)
@@ -233,6 +303,64 @@ pub(crate) fn answer(
 /// Answers all rows on the threads of the current pool. Of rows that are no pose, the first one is
 /// told.
 pub(crate) fn answer_all(
+    source: &AnySource,
+    rows: Rows<'_>,
+    monitor: &dyn Monitor,
+) -> Result<(), Failure> {
+    match source.order(rows.poses) {
+        Some(order) => answer_in_order(source, rows, &order, monitor),
+        None => answer_in_pieces(source, rows, monitor),
+    }
+}
+
+/// The same row by row in another order, so that as little as possible is loaded twice.
+fn answer_in_order(
+    source: &AnySource,
+    mut rows: Rows<'_>,
+    order: &[usize],
+    monitor: &dyn Monitor,
+) -> Result<(), Failure> {
+    let refused = AtomicUsize::new(usize::MAX);
+    let read = |row: usize| poses::pose(&rows.poses[row], row);
+    let answers = order.par_iter().with_max_len(NEIGHBOURS).map_init(
+        || source.batch(),
+        |batch, row| {
+            if monitor.cancelled() || *row > refused.load(Relaxed) {
+                return None;
+            }
+            let pose = match read(*row) {
+                Ok(pose) => pose,
+                Err(failure) => {
+                    refused.fetch_min(*row, Relaxed);
+                    return Some(Err((*row, failure)));
+                }
+            };
+            let answer = source.respond(&[pose], batch, monitor);
+            Some(match answer {
+                Ok(responses) => Ok((*row, responses[0])),
+                Err(failure) => {
+                    refused.fetch_min(*row, Relaxed);
+                    Err((*row, failure))
+                }
+            })
+        },
+    );
+    let answers: Vec<_> = answers.flatten().collect();
+    let mut first: Option<(usize, Failure)> = None;
+    for answer in answers {
+        match answer {
+            Ok((row, response)) => rows.write(row, &response),
+            Err((row, failure)) => match &first {
+                Some((before, _)) if *before < row => {}
+                _ => first = Some((row, failure)),
+            },
+        }
+    }
+    first.map_or(Ok(()), |(_, failure)| Err(failure))
+}
+
+/// The same piece by piece.
+fn answer_in_pieces(
     source: &AnySource,
     rows: Rows<'_>,
     monitor: &dyn Monitor,
@@ -267,7 +395,7 @@ pub(crate) fn answer_all(
                     torque,
                     coverage,
                 };
-                let failure = answer(source, rows, n * piece, batch, read).err()?;
+                let failure = answer(source, rows, n * piece, (batch, read), monitor).err()?;
                 refused.fetch_min(n, Relaxed);
                 Some((n, failure))
             },

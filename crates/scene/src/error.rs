@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use fft_correlate::tolerance::Limit;
 use fft_correlate::{
     CorrelateError, DirectError, DockingError, EnergyScaleError, PairBuildError, RotationError,
-    StoreError, TableError, WellError,
+    StoreError, TableError, TileError, WellError,
 };
 use haptic::scene::LiveSceneError;
 use sdf_grid::recipe::Difference;
@@ -157,6 +157,9 @@ pub enum Refusal {
     /// A part has no interior on its lattice.
     #[error(transparent)]
     Direct(#[from] DirectError),
+    /// What poses reach cannot be loaded.
+    #[error(transparent)]
+    Tiles(#[from] TileError),
     /// Docking cannot start or go on.
     #[error(transparent)]
     Docking(#[from] DockingError),

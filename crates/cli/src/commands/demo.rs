@@ -297,9 +297,9 @@ fn draw(
         pegfit_pictures::png("force against time", (1300, 560), |sheet| chart.draw(sheet))
     };
     let drawn = [
-        ("density", densities(assembly, &slice, context)?),
-        ("section", densities(assembly, &across, context)?),
-        ("overlap", overlap(assembly, &slice, context)?),
+        ("density", densities(&assembly.setup, &slice, context)?),
+        ("section", densities(&assembly.setup, &across, context)?),
+        ("overlap", overlap(&assembly.setup, &slice, context)?),
         ("score", score_surface(assembly, [0, 2])?),
         ("energy-x", curve(assembly, Along::Axis(0))?),
         ("energy-z", curve(assembly, Along::Axis(2))?),

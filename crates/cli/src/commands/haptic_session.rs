@@ -119,7 +119,9 @@ pub(super) fn log(path: &Path, context: &Context) -> Result<Box<dyn SampleWriter
 
 fn loop_error(assembly: &Assembly, error: HapticError) -> CommandError {
     match error {
-        HapticError::Config(_) => CommandError::bad_input(scene_item(assembly, "device"), error),
+        HapticError::Config(_) => {
+            CommandError::bad_input(scene_item(assembly.scene(), "device"), error)
+        }
         other => CommandError::failure("haptic loop", other),
     }
 }

@@ -1,10 +1,12 @@
 //! `pegfit path`: how does the part get to where it fits?
 
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use fft_correlate::dock::Ranking;
-use fft_correlate::{DirectEvaluator, DirectOptions, DockingRequest, EnergySource, Pose};
+use fft_correlate::{
+    DirectOptions, DockingRequest, EnergySource, Pose, TiledEvaluator, WatchedTiles,
+};
 use pegfit_path::{Outcome, PathRequest, PathResult, PathSearch, Start, VisitedPoses};
 use pegfit_scene::SceneSetup;
 use sdf_grid::atomic;
@@ -37,14 +39,20 @@ pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError
     let goal = setup.placement().to_shapes(&goal.pose(&setup, context)?);
     let parts = &setup.parts;
     let search = PathSearch::new(parts.fixed.clone(), parts.moving.clone(), request)?;
-    let (source, field_seconds) = match args.solids_only {
-        true => (None, None),
-        false => energies(&setup, context).map(|(e, s)| (Some(e), Some(s)))?,
+    let tiles = match args.solids_only {
+        true => None,
+        false => Some(setup.tiles(&DirectOptions::FULL, &context.progress)?),
     };
+    context.progress.finish();
+    let source = tiles.as_ref().map(|tiles| tiles.watched(&context.progress));
     let asked = source.as_ref().map(|s| s as &dyn EnergySource);
     let found = search.find_from(&goal, asked, &mut visited, &context.progress);
     context.progress.finish();
-    let found = resume::after(args.resume.as_deref(), found, is_decided, &visited)?;
+    let found = resume::after(args.resume.as_deref(), found, is_decided, &visited);
+    if let Some(failure) = source.as_ref().and_then(WatchedTiles::failure) {
+        return Err(setup.tile_error(failure.clone()).into());
+    }
+    let found = found?;
     let report = PathReport {
         result: found,
         name: setup.scene.moving.name.clone(),
@@ -52,7 +60,7 @@ pub(crate) fn run(args: &PathArgs, context: &Context) -> Result<(), CommandError
         moving: parts.moving.clone(),
         placement: *setup.placement(),
         unit: setup.display_unit(),
-        field_seconds,
+        field_seconds: tiles.as_ref().map(TiledEvaluator::load_seconds),
     };
     write(args, &report, to_stdout)?;
     context.show(&report.summary(), || {
@@ -68,15 +76,6 @@ fn is_decided(result: &PathResult) -> bool {
         Outcome::Free => true,
         Outcome::Blocked { exhausted, .. } => exhausted,
     }
-}
-
-/// The source of energies at poses of the shapes, and how many seconds its fields took.
-fn energies(setup: &SceneSetup, context: &Context) -> Result<(DirectEvaluator, f64), CommandError> {
-    let began = Instant::now();
-    let pair = setup.pair(&context.progress)?;
-    context.progress.finish();
-    let source = setup.direct(&pair, &DirectOptions::FULL)?;
-    Ok((source, began.elapsed().as_secs_f64()))
 }
 
 fn write(args: &PathArgs, report: &PathReport, to_stdout: bool) -> Result<(), CommandError> {

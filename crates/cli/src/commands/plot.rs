@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use fft_correlate::{DirectOptions, Pose, TranslationWindow, Well};
+use fft_correlate::{DirectOptions, Pose, ScoreModel, TranslationWindow, Well};
 use glam::DVec3;
 use haptic::{Clock, Sample, Script};
 use ndarray::{Array2, Array3, Axis};
@@ -11,7 +11,7 @@ use pegfit_pictures::{
     AXES, LineChart, PictureError, Series, Slice, SliceError, Surface, density_map,
     distance_contours, sheet,
 };
-use pegfit_scene::{Assembly, Motion, ProfilePoint};
+use pegfit_scene::{Assembly, Motion, ProfilePoint, SceneSetup};
 use sdf_grid::{Aabb, DensityError, DensityField, Monitor, TriangleMesh, atomic};
 
 use crate::args::{PlotArgs, PlotKind};
@@ -31,20 +31,20 @@ pub(in crate::commands) fn run(args: &PlotArgs, context: &Context) -> Result<(),
     let along = args.along.as_deref();
     let plane = parse_plane(along.filter(|_| args.kind == PlotKind::Score))?;
     let motion = Along::parse(along.filter(|_| args.kind == PlotKind::Energy))?;
-    let assembly = match args.kind {
-        PlotKind::Score | PlotKind::Energy | PlotKind::Well => {
-            scenes::load_in_window(scene, context)?
-        }
-        PlotKind::Density | PlotKind::Overlap | PlotKind::Force => scenes::load(scene, context)?,
-    };
-    let slice = slice.unwrap_or_else(|| middle(&assembly));
     let picture = match args.kind {
-        PlotKind::Density => densities(&assembly, &slice, context)?,
-        PlotKind::Overlap => overlap(&assembly, &slice, context)?,
-        PlotKind::Score => score_surface(&assembly, plane)?,
-        PlotKind::Energy => curve(&assembly, motion)?,
-        PlotKind::Force => both_tests(&assembly, context)?,
+        PlotKind::Density | PlotKind::Overlap => {
+            let setup = scenes::setup(scene, context)?;
+            let slice = slice.map_or_else(|| middle(&setup), Ok)?;
+            match args.kind {
+                PlotKind::Density => densities(&setup, &slice, context)?,
+                _ => overlap(&setup, &slice, context)?,
+            }
+        }
+        PlotKind::Score => score_surface(&scenes::load_in_window(scene, context)?, plane)?,
+        PlotKind::Energy => curve(&scenes::load_in_window(scene, context)?, motion)?,
+        PlotKind::Force => both_tests(&scenes::load(scene, context)?, context)?,
         PlotKind::Well => {
+            let assembly = scenes::load_in_window(scene, context)?;
             let well = analyse(&assembly)?;
             return context.show(&well, || print_well(&assembly, &well));
         }
@@ -82,11 +82,12 @@ fn refuse_unused(args: &PlotArgs) -> Result<(), CommandError> {
 }
 
 /// The plane y = constant through the middle of the assembled moving part.
-fn middle(assembly: &Assembly) -> Slice {
-    Slice {
+fn middle(setup: &SceneSetup) -> Result<Slice, CommandError> {
+    let pivot = setup.placement().moving.apply(setup.pivot()?);
+    Ok(Slice {
         axis: 1,
-        at: assembly.assembled().apply(assembly.pivot()).y,
-    }
+        at: setup.scene.fit.assembled.apply(pivot).y,
+    })
 }
 
 /// Poses on a curve.
@@ -195,13 +196,13 @@ fn draw_curve(
 /// A part's density on a plane: computed for the picture, finer than the scene's lattice.
 fn on_plane(
     mesh: &TriangleMesh,
-    assembly: &Assembly,
+    setup: &SceneSetup,
     bounds: &Aabb,
     slice: &Slice,
     monitor: &dyn Monitor,
 ) -> Result<DensityField, CommandError> {
-    let of = |item: &str| scene_item(assembly, item);
-    let density = slice.density(mesh, assembly.pair.model().sigma, bounds, monitor);
+    let of = |item: &str| scene_item(&setup.scene, item);
+    let density = slice.density(mesh, setup.parts.model.sigma, bounds, monitor);
     density.map_err(|e| match e {
         SliceError::Density(DensityError::Cancelled) => CommandError::Interrupted,
         SliceError::Density(e) => CommandError::bad_input(of("density"), e),
@@ -212,21 +213,20 @@ fn on_plane(
 
 /// Real and imaginary part of both parts' densities, each where the scene puts it.
 pub(in crate::commands) fn densities(
-    assembly: &Assembly,
+    setup: &SceneSetup,
     slice: &Slice,
     context: &Context,
 ) -> Result<Vec<u8>, CommandError> {
-    let model = *assembly.pair.model();
-    let unit = assembly.setup.display_unit();
-    let (scene, setup) = (assembly.scene(), &assembly.setup);
+    let (scene, model) = (&setup.scene, &setup.parts.model);
+    let unit = setup.display_unit();
     let parts = [
         (&scene.fixed.name, setup.placed_fixed()),
         (&scene.moving.name, setup.moving_at(&Pose::IDENTITY)),
     ];
-    let bounds = assembly.setup.bounds(0.1);
+    let bounds = setup.bounds(0.1);
     let mut maps = Vec::new();
     for (name, mesh) in parts {
-        let field = on_plane(&mesh, assembly, &bounds, slice, &context.progress)?;
+        let field = on_plane(&mesh, setup, &bounds, slice, &context.progress)?;
         let density = field.combined(model.lambda_exterior as f32, model.lambda_interior as f32);
         for (part, values) in [
             ("Re", density.mapv(|v| v.re)),
@@ -254,21 +254,21 @@ pub(in crate::commands) fn densities(
 
 /// The real part of the product of both densities at the assembled pose: what the score sums.
 pub(in crate::commands) fn overlap(
-    assembly: &Assembly,
+    setup: &SceneSetup,
     slice: &Slice,
     context: &Context,
 ) -> Result<Vec<u8>, CommandError> {
-    let unit = assembly.setup.display_unit();
-    let bounds = assembly.setup.bounds(0.1);
-    let moved = assembly.setup.moving_at(&assembly.assembled());
-    let lies = assembly.setup.placed_fixed();
-    let fixed = on_plane(&lies, assembly, &bounds, slice, &context.progress)?;
-    let moving = on_plane(&moved, assembly, &bounds, slice, &context.progress)?;
+    let unit = setup.display_unit();
+    let bounds = setup.bounds(0.1);
+    let moved = setup.moving_at(&setup.scene.fit.assembled);
+    let lies = setup.placed_fixed();
+    let fixed = on_plane(&lies, setup, &bounds, slice, &context.progress)?;
+    let moving = on_plane(&moved, setup, &bounds, slice, &context.progress)?;
     context.progress.finish();
     let mut map = density_map(
         format!("Score density at the assembled pose, {}", slice.label(unit)),
         "Re ρ₁ρ₂\n(no unit)",
-        product(assembly, &fixed, &moving, slice),
+        product(&setup.parts.model, &fixed, &moving, slice),
         &fixed,
         slice,
         unit,
@@ -285,12 +285,11 @@ pub(in crate::commands) fn overlap(
 
 /// `Re [l1 l2 (O1 I2 + I1 O2) + l2² I1 I2 + w l1² O1 O2]` on the plane.
 fn product(
-    assembly: &Assembly,
+    model: &ScoreModel,
     fixed: &DensityField,
     moving: &DensityField,
     slice: &Slice,
 ) -> Array2<f32> {
-    let model = assembly.pair.model();
     let (l1, l2) = (model.lambda_exterior as f32, model.lambda_interior as f32);
     let w = model.separation_weight as f32;
     let o1 = sheet(&fixed.exterior, fixed, slice);
@@ -378,7 +377,7 @@ pub(in crate::commands) fn score_surface(
     let mut reach = parts.reach();
     reach[across] = 0.0;
     let window = TranslationWindow::new(middle - reach, middle + reach, assembly.pair.spacing())
-        .map_err(|e| CommandError::bad_input(scene_item(assembly, "window"), e))?;
+        .map_err(|e| CommandError::bad_input(scene_item(assembly.scene(), "window"), e))?;
     let score = assembly.scores(&window)?;
     Ok(draw_surface(assembly, plane, &window, middle, &score)?)
 }

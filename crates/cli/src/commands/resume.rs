@@ -40,7 +40,7 @@ pub(super) fn after<T: Serialize, A>(
             let expected = "what was tried for the same question";
             return Err(refused(file, expected, format!("{item} differs")));
         }
-        Err(PathError::Cancelled) => write(file, tried)?,
+        Err(PathError::Cancelled | PathError::Energies) => write(file, tried)?,
         Ok(answer) if !decided(answer) => write(file, tried)?,
         Ok(_) if file.exists() => {
             std::fs::remove_file(file).map_err(|e| CommandError::io("remove", file, e))?;

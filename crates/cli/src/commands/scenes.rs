@@ -63,8 +63,8 @@ pub(super) fn print_warnings(warnings: &[SceneWarning], context: &Context) {
 }
 
 /// The subject of an error: the scene file and a part of it.
-pub(super) fn scene_item(assembly: &Assembly, item: &str) -> String {
-    format!("{}: {item}", assembly.scene().path.display())
+pub(super) fn scene_item(scene: &Scene, item: &str) -> String {
+    format!("{}: {item}", scene.path.display())
 }
 
 /// A pose written as seven numbers.

@@ -193,9 +193,12 @@ impl Scorer {
             100.0 * found.error,
             1e3 * found.reference_spacing
         ));
-        let pair = args.condition.then_some(found.pair);
+        let setup = SceneSetup {
+            parts: found.setup,
+            ..setup
+        };
         Ok(Self {
-            source: Source::Direct(DirectSources::one(found.evaluator, pair)),
+            source: Source::Direct(direct(&setup, &shapes, args.condition, context)?),
             placement,
             condition: args.condition,
         })

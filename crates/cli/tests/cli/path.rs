@@ -138,6 +138,77 @@ fn write(folder: &Path, name: &str, mesh: &TriangleMesh) {
     mesh_io::write_obj(folder.join(name), mesh).unwrap();
 }
 
+/// A plate with a hole for a pin, whose fields do not fit in a hundredth of a gibibyte.
+fn plate_and_pin() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let corner = |x: f64, y: f64| glam::DVec2::new(x, y) * 0.1;
+    let outline = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| corner(x, y));
+    let hole = shapes::construction::circle(0.003, 24);
+    let plate = shapes::prism(&outline, &[hole], 0.008).unwrap();
+    write(folder.path(), "plate.obj", &plate);
+    let pin = shapes::cylinder(0.0028, 0.014, 24).unwrap();
+    write(folder.path(), "pin.obj", &pin);
+    let scene = "unit = \"m\"\nfixed = \"plate.obj\"\nmoving = \"pin.obj\"\n\
+         [lattice]\nspacing = 0.001\nhalo = 0.005\n";
+    std::fs::write(folder.path().join("scene.toml"), scene).unwrap();
+    folder
+}
+
+/// Energies along the way are those that `score` computes at its poses.
+#[test]
+fn a_pin_goes_into_a_plate_that_does_not_fit_in_memory() {
+    let folder = plate_and_pin();
+    fn little<'a>(args: &[&'a str]) -> Vec<&'a str> {
+        [args, &["--memory", "0.01"]].concat()
+    }
+    let whole = refuse(
+        folder.path(),
+        &little(&words("plot force scene.toml -o f.png")),
+    );
+    assert!(whole.contains("density fields"), "{whole}");
+    let way = little(&words(
+        "path scene.toml -o way.csv --resume tried.json --json -q",
+    ));
+    let said = succeed(folder.path(), &way);
+    let found: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(found["outcome"], "free", "{said}");
+    assert!(
+        found["effort"]["field_seconds"].as_f64().unwrap() > 0.0,
+        "{said}"
+    );
+    let score = words("score --scene scene.toml --poses way.csv -o scores.csv");
+    succeed(folder.path(), &little(&score));
+    let read = |name| columns(&std::fs::read_to_string(folder.path().join(name)).unwrap());
+    let (way, scores) = (read("way.csv"), read("scores.csv"));
+    assert_eq!(way.len(), scores.len());
+    let deepest = way.iter().map(|row| -row["energy"]).fold(0.0, f64::max);
+    assert!(deepest > 0.0);
+    for (a, b) in way.iter().zip(&scores) {
+        // Poses are written with finitely many digits.
+        let off = (a["energy"] - b["energy"]).abs();
+        assert!(off < 1e-6 * deepest, "{off} of {deepest} J");
+    }
+
+    // What the planes of pictures need is little.
+    succeed(
+        folder.path(),
+        &little(&words("plot density scene.toml -o d.png")),
+    );
+    succeed(
+        folder.path(),
+        &little(&words("plot overlap scene.toml -o o.png")),
+    );
+
+    // Where not even the surroundings of the way fit, the search is not lost.
+    let less = "path scene.toml -o no.csv --resume tried.json --memory 0.001";
+    let said = refuse(folder.path(), &words(less));
+    assert!(
+        said.contains("density fields") && folder.path().join("tried.json").exists(),
+        "{said}"
+    );
+    assert!(!folder.path().join("no.csv").exists());
+}
+
 /// A hole's block, a peg in it, and a plate that lies on both.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();

@@ -44,7 +44,7 @@ impl Condition {
     pub fn at(pair: &Pair, pose: &Pose) -> Self {
         let inverse = pose.inverse();
         let mut total = Self::default();
-        for term in score_terms(pair.model(), pair.fixed(), pair.moving()) {
+        for term in score_terms(pair) {
             let motion = match term.points {
                 Side::Moving => pose,
                 Side::Fixed => &inverse,

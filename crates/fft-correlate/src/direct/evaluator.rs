@@ -15,7 +15,7 @@ use num_complex::Complex64;
 use sdf_grid::DensityField;
 
 use crate::direct::lookup::{LookupGrid, PointSet, Sums, sum};
-use crate::direct::quadrature::{Blocks, Point, cells, merge_limit};
+use crate::direct::quadrature::{Blocks, Cells, Point, merge_limit};
 use crate::direct::terms::{Term, score_terms};
 use crate::energy::{EnergySource, Response, Scratch};
 use crate::geometry::se3::{Pose, Wrench};
@@ -206,7 +206,7 @@ impl DirectEvaluator {
 
     /// Of cell averages, merged where they vary little.
     fn of_averages(pair: &Pair, options: &DirectOptions) -> Result<Self, DirectError> {
-        let terms = score_terms(pair.model(), pair.fixed(), pair.moving());
+        let terms = score_terms(pair);
         let blocks: Vec<_> = terms
             .iter()
             .map(|t| Blocks::new(pair.part(t.points), t.weights))
@@ -214,7 +214,12 @@ impl DirectEvaluator {
         let limit = merge_limit(&blocks, options.merge_tolerance as f32, options.max_points);
         let mut evaluator = Self::empty(pair, limit.into());
         for (term, blocks) in terms.iter().zip(&blocks) {
-            evaluator.add(pair, term, blocks.cells(), &blocks.points(limit))?;
+            let levels = blocks.points(limit);
+            let levels: Vec<_> = levels
+                .iter()
+                .map(|points| vec![points.as_slice()])
+                .collect();
+            evaluator.add(pair, term, blocks.cells(), &levels)?;
         }
         Ok(evaluator)
     }
@@ -226,12 +231,9 @@ impl DirectEvaluator {
         contact: &Contact,
         options: &DirectOptions,
     ) -> Result<Self, DirectError> {
-        let terms = score_terms(pair.model(), pair.fixed(), pair.moving());
-        let points: Vec<_> = terms
-            .iter()
-            .map(|t| cells(pair.part(t.points), t.weights))
-            .collect();
-        let count: usize = points.iter().map(Vec::len).sum();
+        let terms = score_terms(pair);
+        let points: Vec<_> = terms.iter().map(|t| Cells::new(pair, t)).collect();
+        let count: usize = points.iter().map(Cells::count).sum();
         if let Some(most) = options.max_points.filter(|most| count > *most) {
             let factor = (count as f64 / most as f64).powf(POINTS_BY_SPACING);
             let coarser = coarser_pair(pair, contact, COARSER * factor)
@@ -242,7 +244,7 @@ impl DirectEvaluator {
         evaluator.contact = Some(contact.clone());
         evaluator.description.bytes = contact.bytes();
         for (term, points) in terms.iter().zip(points) {
-            evaluator.add(pair, term, points.len(), &[points])?;
+            evaluator.add(pair, term, points.count(), &[points.groups()])?;
         }
         Ok(evaluator)
     }
@@ -261,22 +263,27 @@ impl DirectEvaluator {
         }
     }
 
-    /// Adds the products of a term: the points of each level, of which `cells` were merged, with the
-    /// other part's density on a lattice of that level.
+    /// Adds the products of a term: the points of each level, in groups of neighbours, of which `cells`
+    /// were merged, with the other part's density on a lattice of that level.
     fn add(
         &mut self,
         pair: &Pair,
         term: &Term,
         cells: usize,
-        levels: &[Vec<Point>],
+        levels: &[Vec<&[Point]>],
     ) -> Result<(), DirectError> {
-        let coarsest = levels.iter().rposition(|p| !p.is_empty());
+        let counts = levels
+            .iter()
+            .map(|l| l.iter().map(|group| group.len()).sum());
+        let counts: Vec<usize> = counts.collect();
+        let coarsest = counts.iter().rposition(|count| *count > 0);
         let side = term.points.other();
         let grids = LookupGrid::pyramid(
             pair.part(side),
             term.lookup,
             coarsest.map_or(0, |level| level + 1),
             pair.interpolation(),
+            pair.whole_lattice(side).origin(),
         )
         .map_err(|found| DirectError::Size {
             side,
@@ -286,11 +293,14 @@ impl DirectEvaluator {
         self.description.terms.push(TermDescription {
             term: *term,
             cells,
-            points: levels.iter().map(Vec::len).sum(),
+            points: counts.iter().sum(),
         });
         // A density without exterior (no room on its lattice) leaves nothing to look up.
-        for (points, grid) in levels.iter().zip(grids).filter(|(p, _)| !p.is_empty()) {
-            let points = PointSet::new(points, pair.spacing());
+        let lattice = pair.whole_lattice(term.points);
+        let centre = lattice.position(lattice.shape().map(|n| n / 2));
+        let of_level = levels.iter().zip(counts).zip(grids);
+        for ((groups, _), grid) in of_level.filter(|((_, count), _)| *count > 0) {
+            let points = PointSet::new(groups, centre, pair.spacing());
             self.description.bytes += points.bytes() + grid.bytes();
             self.products.push(Product {
                 points_of: term.points,
@@ -347,15 +357,24 @@ impl DirectEvaluator {
         total
     }
 
+    /// What the evaluator of a pair with this energy scale answers where nothing is in reach.
+    pub(super) fn far_response(gamma: f64) -> Response {
+        response(gamma, &Sums::default())
+    }
+
     fn response(&self, sums: &Sums) -> Response {
-        Response {
-            energy: -self.gamma * sums.score.re,
-            wrench: Wrench {
-                torque: self.gamma * sums.moment,
-                force: self.gamma * sums.gradient,
-            },
-            coverage: 1.0,
-        }
+        response(self.gamma, sums)
+    }
+}
+
+fn response(gamma: f64, sums: &Sums) -> Response {
+    Response {
+        energy: -gamma * sums.score.re,
+        wrench: Wrench {
+            torque: gamma * sums.moment,
+            force: gamma * sums.gradient,
+        },
+        coverage: 1.0,
     }
 }
 

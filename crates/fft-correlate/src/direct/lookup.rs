@@ -28,8 +28,11 @@ pub(super) struct LookupGrid {
     values: Vec<f32>,
     /// Padded nodes per axis.
     shape: [usize; 3],
-    /// Position of the first padded node, metres.
-    origin: DVec3,
+    /// Where nodes are counted from, metres: the first of the part's whole lattice, whichever part of
+    /// it is here, so that places round alike.
+    anchor: DVec3,
+    /// The first padded node, whole numbers.
+    first: DVec3,
     /// Metres; the unit of the kernel's coordinates.
     spacing: f64,
     /// Spacing of the density's lattice, metres; the unit of point sets.
@@ -42,18 +45,19 @@ impl LookupGrid {
     pub(super) const MAX_NODES: usize = (u32::MAX / 2) as usize;
 
     /// Grids for points that stand for single cells and for blocks of 2, 4, ... cells per side,
-    /// `levels` in all; empty if there is nothing to look up. The number of nodes if there are
-    /// more than [`Self::MAX_NODES`].
+    /// `levels` in all; empty if there is nothing to look up. `anchor` is a node of the whole lattice,
+    /// metres. The number of nodes if there are more than [`Self::MAX_NODES`].
     pub(super) fn pyramid(
         field: &DensityField,
         blend: Blend,
         levels: usize,
         interpolation: Interpolation,
+        anchor: DVec3,
     ) -> Result<Vec<Self>, u64> {
         let Some(values) = Values::new(field, blend) else {
             return Ok(Vec::new());
         };
-        let cell = Self::new(&values, field.lattice().spacing(), interpolation)?;
+        let cell = Self::new(&values, field.lattice().spacing(), interpolation, anchor)?;
         let mut grids = vec![cell];
         for level in 1..levels {
             let smoothed = values.for_blocks(level, interpolation);
@@ -61,12 +65,18 @@ impl LookupGrid {
                 &smoothed,
                 field.lattice().spacing(),
                 interpolation,
+                smoothed.origin,
             )?);
         }
         Ok(grids)
     }
 
-    fn new(values: &Values, cell: f64, interpolation: Interpolation) -> Result<Self, u64> {
+    fn new(
+        values: &Values,
+        cell: f64,
+        interpolation: Interpolation,
+        anchor: DVec3,
+    ) -> Result<Self, u64> {
         let inner = values.shape;
         let shape = inner.map(|n| n + 2 * PAD);
         let nodes = shape.iter().map(|&n| n as u64).product::<u64>();
@@ -87,7 +97,8 @@ impl LookupGrid {
         Ok(Self {
             values: padded,
             shape,
-            origin: values.origin - spacing * PAD as f64,
+            anchor,
+            first: ((values.origin - anchor) / spacing).round() - PAD as f64,
             spacing,
             cell,
             interpolation,
@@ -211,27 +222,42 @@ fn box_nodes(interpolation: Interpolation, stride: usize) -> usize {
     (squared as f64).sqrt().round() as usize
 }
 
-/// The map from a point set's coordinates to a grid's padded fractional indices.
+/// The map from a point set's coordinates to places in a grid. Places are counted, in grid spacings,
+/// from a node of the whole lattice next to where the set's centre lands: what a place rounds to does
+/// not depend on which part of the lattice the grid holds.
 struct Map {
     /// Rows of the rotation, times cells per grid spacing.
     rows: [[f32; 3]; 3],
-    /// Where the set's centre lands, padded fractional index.
+    /// Where the set's centre lands, 0 ..= 1.
     centre: [f32; 3],
+    /// The padded index of the node that places are counted from, whole numbers.
+    base: [f32; 3],
     /// Cells per grid spacing.
     scale: f32,
 }
 
+/// Padded indices up to which single precision tells halves apart; farther nothing is in reach.
+const FARTHEST: f64 = (1 << 22) as f64;
+
 impl Map {
-    fn new(points: &PointSet, grid: &LookupGrid, motion: &Pose) -> Self {
+    /// None if the points are too far away to meet anything.
+    fn new(points: &PointSet, grid: &LookupGrid, motion: &Pose) -> Option<Self> {
         let rotation = DMat3::from_quat(motion.rotation).transpose();
-        let centre = (motion.apply(points.centre) - grid.origin) / grid.spacing;
+        let place = (motion.apply(points.centre) - grid.anchor) / grid.spacing;
+        let node = place.floor();
+        let base = node - grid.first;
         let scale = grid.cell / grid.spacing;
-        Self {
-            rows: [rotation.x_axis, rotation.y_axis, rotation.z_axis]
-                .map(|r| (scale * r).as_vec3().to_array()),
-            scale: scale as f32,
-            centre: centre.as_vec3().to_array(),
-        }
+        // False for what is not a number.
+        base.abs()
+            .cmple(DVec3::splat(FARTHEST))
+            .all()
+            .then(|| Self {
+                rows: [rotation.x_axis, rotation.y_axis, rotation.z_axis]
+                    .map(|r| (scale * r).as_vec3().to_array()),
+                scale: scale as f32,
+                centre: (place - node).as_vec3().to_array(),
+                base: base.as_vec3().to_array(),
+            })
     }
 
     /// True if no point of the cluster can meet a non-zero value.
@@ -243,7 +269,8 @@ impl Map {
             let r = self.rows[a];
             let c = cluster.centre;
             let u = self.centre[a] + r[0] * c[0] + r[1] * c[1] + r[2] * c[2];
-            let (low, high) = (inside, (grid.shape[a] - 1) as f32 - inside);
+            let last = (grid.shape[a] - 1) as f32;
+            let (low, high) = (inside - self.base[a], last - inside - self.base[a]);
             let radius = self.scale * cluster.radius;
             u + radius < low || u - radius > high
         })
@@ -282,17 +309,18 @@ pub(super) struct PointSet {
 }
 
 impl PointSet {
-    /// Packs points (neighbours in the list near each other in space) for lattices of `spacing`.
-    pub(super) fn new(points: &[Point], spacing: f64) -> Self {
-        let total: DVec3 = points.iter().map(|p| p.position).sum();
-        let centre = total / points.len().max(1) as f64;
+    /// Packs groups of points (neighbours in a group near each other in space) for lattices of
+    /// `spacing`; `centre` is a node in their middle, metres.
+    pub(super) fn new(groups: &[&[Point]], centre: DVec3, spacing: f64) -> Self {
         let mut set = Self {
-            blocks: Vec::with_capacity(points.len().div_ceil(LANES)),
-            clusters: Vec::with_capacity(points.len().div_ceil(LANES * CLUSTER)),
+            blocks: Vec::new(),
+            clusters: Vec::new(),
             centre,
         };
-        for chunk in points.chunks(LANES * CLUSTER) {
-            set.push_cluster(chunk, spacing);
+        for group in groups {
+            for chunk in group.chunks(LANES * CLUSTER) {
+                set.push_cluster(chunk, spacing);
+            }
         }
         set
     }
@@ -413,10 +441,11 @@ fn place_quadratic<S: Simd, const IMAGINARY: bool>(
         let [rx, ry, rz] = map.rows[a];
         let r = splat(rx).mul_add(x, splat(ry).mul_add(y, splat(rz) * z));
         // Clamped to where the nodes read are still zeros.
+        let (base, nodes) = (map.base[a], shape[a] as f32);
         let u = (r + splat(map.centre[a]))
-            .max(half)
-            .min(splat(shape[a] as f32 - 1.5));
-        let nearest = (u + half).floor().min(splat(shape[a] as f32 - 2.0));
+            .max(splat(0.5 - base))
+            .min(splat(nodes - 1.5 - base));
+        let nearest = (u + half).floor().min(splat(nodes - 2.0 - base));
         let t = u - nearest;
         let (below, above) = (half - t, half + t);
         weights = [
@@ -425,7 +454,7 @@ fn place_quadratic<S: Simd, const IMAGINARY: bool>(
             half * above * above,
         ];
         slopes = [splat(0.0) - below, splat(-2.0) * t, above];
-        let node = (nearest - splat(1.0)).to_int::<i32x8<S>>();
+        let node = (nearest + splat(base - 1.0)).to_int::<i32x8<S>>();
         offset += node * i32x8::splat(simd, 2 * strides[a] as i32);
         r.store_slice(&mut lanes.lever[a]);
         if a < 2 {
@@ -578,13 +607,15 @@ fn place_trilinear<const IMAGINARY: bool>(
     for a in 0..3 {
         let row = map.rows[a];
         // Clamped into the middle of the outermost cells, where everything is zero.
-        let last = shape[a] as f32 - 1.5;
+        let base = map.base[a];
+        let last = shape[a] as f32 - 1.5 - base;
         for v in 0..LANES {
             let r = row[0] * x[v] + row[1] * y[v] + row[2] * z[v];
-            let u = (r + map.centre[a]).max(0.5).min(last);
+            let u = (r + map.centre[a]).max(0.5 - base).min(last);
             lever[a][v] = r;
-            cell[a][v] = u as i32 as u32;
-            fraction[a][v] = u - cell[a][v] as i32 as f32;
+            let below = u.floor();
+            cell[a][v] = (below + base) as i32 as u32;
+            fraction[a][v] = u - below;
         }
     }
     let (row, plane) = (shape[2] as u32, (shape[1] * shape[2]) as u32);
@@ -709,7 +740,9 @@ pub(super) fn sum<const IMAGINARY: bool>(
     grid: &LookupGrid,
     motion: &Pose,
 ) -> Sums {
-    let map = Map::new(points, grid, motion);
+    let Some(map) = Map::new(points, grid, motion) else {
+        return Sums::default();
+    };
     let mut totals = [0.0f64; 8];
     match grid.interpolation {
         Interpolation::Trilinear => dispatch_lanes!(level, simd =>

@@ -5,5 +5,6 @@ pub(crate) mod evaluator;
 mod lookup;
 mod quadrature;
 pub(crate) mod terms;
+pub(crate) mod tiles;
 
 pub use evaluator::{DirectDescription, FullResponse, TermDescription};

@@ -19,7 +19,9 @@ use ndarray::Array3;
 use num_complex::{Complex32, Complex64};
 use sdf_grid::DensityField;
 
-use crate::direct::terms::Blend;
+use crate::direct::terms::{Blend, Term};
+use crate::pair::fields::Pair;
+use crate::pair::reach::BLOCK;
 
 /// Blocks of up to `2^LEVELS` cells per side merge.
 const LEVELS: usize = 4;
@@ -259,44 +261,75 @@ pub(super) fn merge_limit(sets: &[Blocks], accepted: f32, max_points: Option<usi
 /// are neighbours in space.
 const BRICK: usize = 4;
 
-/// Values below this share of the largest, the outermost rim of what smoothing spreads, are left
-/// out.
+/// Values below this share of that at a large flat face, the outermost rim of what smoothing spreads,
+/// are left out.
 const NEGLIGIBLE: f64 = 1e-3;
 
-/// Every cell that counts, with its node and the blend there times its volume.
-pub(super) fn cells(field: &DensityField, blend: Blend) -> Vec<Point> {
-    let widen = |v: Complex32| Complex64::new(v.re.into(), v.im.into());
-    let value = |index: [usize; 3]| {
-        blend.exterior * widen(field.exterior[index])
-            + blend.interior * widen(field.interior[index])
-    };
-    let lattice = field.lattice();
-    let shape = lattice.shape();
-    let squares = (0..lattice.len()).map(|flat| value(lattice.unravel(flat)).norm_sqr());
-    let least = NEGLIGIBLE.powi(2) * squares.fold(0.0, f64::max);
-    let volume = lattice.cell_volume();
-    let mut points = Vec::new();
-    let bricks = shape.map(|n| n.div_ceil(BRICK));
-    for brick in 0..bricks.iter().product() {
-        let corner = [
-            brick / bricks[2] / bricks[1],
-            brick / bricks[2] % bricks[1],
-            brick % bricks[2],
-        ];
-        for place in 0..BRICK.pow(3) {
-            let within = [place / BRICK / BRICK, place / BRICK % BRICK, place % BRICK];
-            let index: [usize; 3] = std::array::from_fn(|a| BRICK * corner[a] + within[a]);
-            if (0..3).any(|a| index[a] >= shape[a]) {
-                continue;
+/// Every cell of a part that counts, with its node and the blend there times its volume.
+pub(super) struct Cells {
+    points: Vec<Point>,
+    /// Where the points of each block of [`BLOCK`] nodes per side end.
+    ends: Vec<usize>,
+}
+
+impl Cells {
+    /// Those that are the points of a term.
+    pub(super) fn new(pair: &Pair, term: &Term) -> Self {
+        let (field, blend) = (pair.part(term.points), term.weights);
+        let widen = |v: Complex32| Complex64::new(v.re.into(), v.im.into());
+        let value = |index: [usize; 3]| {
+            blend.exterior * widen(field.exterior[index])
+                + blend.interior * widen(field.interior[index])
+        };
+        let weight = blend.exterior.abs().max(blend.interior.abs());
+        let least = (NEGLIGIBLE * weight * pair.face_density()).powi(2);
+        let lattice = field.lattice();
+        let volume = lattice.cell_volume();
+        let whole = pair.whole_lattice(term.points);
+        let (first, shape) = (pair.first_node(term.points), lattice.shape());
+        let end: [usize; 3] = std::array::from_fn(|a| first[a] + shape[a]);
+        let mut cells = Self {
+            points: Vec::new(),
+            ends: Vec::new(),
+        };
+        for block in boxes(first.map(|n| n / BLOCK), end.map(|n| n.div_ceil(BLOCK))) {
+            let bricks = block.map(|n| n * BLOCK / BRICK);
+            for brick in boxes(bricks, bricks.map(|n| n + BLOCK / BRICK)) {
+                let nodes = brick.map(|n| n * BRICK);
+                for node in boxes(nodes, nodes.map(|n| n + BRICK)) {
+                    if (0..3).any(|a| node[a] < first[a] || node[a] >= end[a]) {
+                        continue;
+                    }
+                    let index = std::array::from_fn(|a| node[a] - first[a]);
+                    let weight = value(index);
+                    if weight.norm_sqr() > least {
+                        cells.points.push(Point {
+                            position: whole.position(node),
+                            weight: weight * volume,
+                        });
+                    }
+                }
             }
-            let weight = value(index);
-            if weight.norm_sqr() > least {
-                points.push(Point {
-                    position: lattice.position(index),
-                    weight: weight * volume,
-                });
-            }
+            cells.ends.push(cells.points.len());
         }
+        cells
     }
-    points
+
+    pub(super) fn count(&self) -> usize {
+        self.points.len()
+    }
+
+    /// The points of each block.
+    pub(super) fn groups(&self) -> Vec<&[Point]> {
+        let starts = std::iter::once(&0).chain(&self.ends);
+        let ranges = starts.zip(&self.ends).map(|(from, to)| *from..*to);
+        ranges.map(|range| &self.points[range]).collect()
+    }
+}
+
+/// Indices from the first to before the last, the last direction fastest.
+fn boxes(from: [usize; 3], to: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
+    (from[0]..to[0]).flat_map(move |i| {
+        (from[1]..to[1]).flat_map(move |j| (from[2]..to[2]).map(move |k| [i, j, k]))
+    })
 }

@@ -2,7 +2,8 @@
 
 use sdf_grid::DensityField;
 
-use crate::pair::model::{ScoreModel, Side};
+use crate::pair::fields::Pair;
+use crate::pair::model::Side;
 
 /// Real weights of a part's two unit densities: `exterior * O + interior * I`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,7 +54,11 @@ pub struct Term {
 /// - `w = 1`: one product; the part with fewer non-zero cells gives the points;
 /// - between: the moving interior in the fixed density, and the second product from the side with
 ///   fewer cells.
-pub fn score_terms(model: &ScoreModel, fixed: &DensityField, moving: &DensityField) -> Vec<Term> {
+///
+/// Which side has fewer cells, a pair that is made of meshes knows from these: of a part of it the
+/// products are those of the whole.
+pub fn score_terms(pair: &Pair) -> Vec<Term> {
+    let (model, fixed, moving) = (pair.model(), pair.fixed(), pair.moving());
     let blend = |exterior, interior| Blend { exterior, interior };
     let (o, i, w) = (
         model.lambda_exterior,
@@ -67,19 +72,21 @@ pub fn score_terms(model: &ScoreModel, fixed: &DensityField, moving: &DensityFie
     };
     let whole = blend(o, i);
     if w == 1.0 {
-        let points = if whole.count(moving) <= whole.count(fixed) {
-            Side::Moving
-        } else {
-            Side::Fixed
+        let counted = || match whole.count(moving) <= whole.count(fixed) {
+            true => Side::Moving,
+            false => Side::Fixed,
         };
-        return vec![term(points, whole, whole)];
+        return vec![term(pair.points().unwrap_or_else(counted), whole, whole)];
     }
     let interior = term(Side::Moving, blend(0.0, i), whole);
     let (of_fixed, of_moving) = (blend(w * o, i), blend(o, 0.0));
-    let second = if of_fixed.count(fixed) <= of_moving.count(moving) {
-        term(Side::Fixed, of_fixed, of_moving)
-    } else {
-        term(Side::Moving, of_moving, of_fixed)
+    let counted = || match of_fixed.count(fixed) <= of_moving.count(moving) {
+        true => Side::Fixed,
+        false => Side::Moving,
+    };
+    let second = match pair.points().unwrap_or_else(counted) {
+        Side::Fixed => term(Side::Fixed, of_fixed, of_moving),
+        Side::Moving => term(Side::Moving, of_moving, of_fixed),
     };
     vec![interior, second]
 }

@@ -11,10 +11,10 @@ use sdf_grid::{
     inscribed_sphere_radius,
 };
 
-use crate::pair::contact::{Contact, Smoothing, jump};
+use crate::pair::contact::{Contact, ContactParts, Smoothing, jump};
 use crate::pair::fields::{Pair, PairError};
 use crate::pair::interpolation::Interpolation;
-use crate::pair::model::{PairRecipe, ScoreModel};
+use crate::pair::model::{PairRecipe, ScoreModel, Side};
 use crate::pair::region::ContactRegion;
 
 /// Lattice nodes of both parts together that [`default_spacing`] does not exceed.
@@ -72,6 +72,9 @@ pub struct PairPlan {
     pub sampling_of_moving: Sampling,
     /// How both are smoothed.
     pub(crate) smoothing: Option<Smoothing>,
+    /// Whose cells are the points of a product for which either part could give them: that which
+    /// probably has fewer that count.
+    pub(crate) points: Side,
     /// Middle of the moving part's bounds, on a corner of lattice cells: turns by 90 degrees about
     /// it take nodes to nodes. Metres, the moving part's frame.
     pub pivot: DVec3,
@@ -225,8 +228,11 @@ impl PairBuilder {
             })?;
         let of_moving = sampling(Smoothing::of_moving);
         let kept = [&fixed_lattice, &moving_lattice].map(DensityField::memory_bytes);
+        let spread = smoothing.as_ref().map_or(0.0, Smoothing::reach);
+        let parts = [(fixed, &fixed_lattice), (moving, &moving_lattice)];
         let plan = PairPlan {
             model: *model,
+            points: fewer_points(model, parts, spread),
             kernel,
             bytes: kept[0].saturating_add(kept[1]),
             fixed_lattice,
@@ -253,6 +259,29 @@ impl PairBuilder {
     ) -> Result<Pair, PairBuildError> {
         let plan = self.plan(fixed, moving, model)?;
         plan.build(fixed, moving, None, monitor)
+    }
+}
+
+/// Which of two parts, smoothed as far as `spread` (metres), probably has fewer cells for the product
+/// for which either could give the points ([`crate::direct::terms::score_terms`]).
+fn fewer_points(model: &ScoreModel, parts: [(&TriangleMesh, &Lattice); 2], spread: f64) -> Side {
+    // Smoothing takes the interior beyond the surface and the exterior below it.
+    let cells = |(mesh, lattice): (&TriangleMesh, &Lattice)| {
+        let (volume, skin) = (mesh.volume(), spread * mesh.area());
+        let [interior, inner] =
+            [volume + skin, (volume - skin).max(0.0)].map(|v| v / lattice.cell_volume());
+        let all = lattice.len() as f64;
+        (all, interior, all - inner)
+    };
+    let [(all_fixed, interior, _), (all_moving, _, exterior)] = parts.map(cells);
+    let fixed_is_fewer = match model.separation_weight {
+        0.0 => interior <= exterior,
+        1.0 => all_fixed < all_moving,
+        _ => all_fixed <= exterior,
+    };
+    match fixed_is_fewer {
+        true => Side::Fixed,
+        false => Side::Moving,
     }
 }
 
@@ -311,7 +340,7 @@ impl PairPlan {
     }
 
     /// Bytes while the fields are made, one after the other.
-    pub(super) fn building_bytes(&self) -> u64 {
+    pub(crate) fn building_bytes(&self) -> u64 {
         let fixed = DensityField::working_bytes(&self.fixed_lattice, self.density.sampling);
         let moving = DensityField::working_bytes(&self.moving_lattice, self.sampling_of_moving);
         self.bytes.saturating_add(fixed.max(moving))
@@ -361,24 +390,39 @@ impl PairPlan {
         cache: Option<&FieldCache>,
         monitor: &dyn Monitor,
     ) -> Result<Pair, PairBuildError> {
-        let contact = self.contact([fixed, moving], &ContactRegion::Everywhere)?;
+        let contact = self.contact_parts([fixed, moving])?;
+        let contact = contact.map(|parts| parts.within(&ContactRegion::Everywhere));
+        let contact = contact.transpose()?;
         let fixed = self.fixed_field(fixed, cache, monitor)?;
         let moving = self.moving_field(moving, cache, monitor)?;
-        let pair = Pair::from_fields(fixed, moving, self.model, self.pivot, contact)?;
+        let pair = self.joined([fixed, moving], contact)?;
         Ok(pair.cached_in(cache.cloned()))
     }
 
-    /// What smoothing takes from the score, if densities are smoothed.
-    pub(super) fn contact(
+    /// The pair of two fields.
+    pub(super) fn joined(
+        &self,
+        [fixed, moving]: [Arc<DensityField>; 2],
+        contact: Option<Contact>,
+    ) -> Result<Pair, PairBuildError> {
+        let pair = Pair::from_fields(fixed, moving, self.model, self.pivot, contact)?;
+        Ok(pair.with_points(self.points))
+    }
+
+    /// What smoothing takes from the score, wherever it is to be summed, if densities are smoothed.
+    pub(super) fn contact_parts(
         &self,
         parts: [&TriangleMesh; 2],
-        region: &ContactRegion,
-    ) -> Result<Option<Contact>, PairBuildError> {
+    ) -> Result<Option<ContactParts>, PairBuildError> {
         let Some(smoothing) = &self.smoothing else {
             return Ok(None);
         };
-        let jump = jump(&self.model)?;
-        Ok(Some(Contact::within(parts, smoothing, jump, region)?))
+        let parts = parts.map(|part| Arc::new(part.clone()));
+        Ok(Some(ContactParts::new(
+            parts,
+            smoothing,
+            jump(&self.model)?,
+        )?))
     }
 
     /// The fixed part's density on its lattice.

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use sdf_grid::{
-    ContactError, ContactSum, DensityKernel, FieldRecipe, KernelError, Sampling, TriangleMesh,
+    ContactError, ContactSum, ContactSurfaces, DensityKernel, FieldRecipe, KernelError, Sampling,
+    TriangleMesh,
 };
 
 use crate::geometry::se3::Pose;
@@ -125,6 +126,64 @@ pub(crate) struct ContactScore {
     pub(crate) moment: DVec3,
 }
 
+/// Two parts, prepared for the short-range part of their score wherever it is to be summed.
+pub(crate) struct ContactParts {
+    surfaces: ContactSurfaces,
+    parts: [Arc<TriangleMesh>; 2],
+    smoothing: Smoothing,
+    sampled: Side,
+    jump: f64,
+}
+
+impl ContactParts {
+    /// Of a model with this [`jump`].
+    ///
+    /// # Errors
+    /// As [`ContactSurfaces::new`].
+    pub(crate) fn new(
+        parts: [Arc<TriangleMesh>; 2],
+        smoothing: &Smoothing,
+        jump: f64,
+    ) -> Result<Self, ContactError> {
+        let [fixed, moving] = &parts;
+        let sampled = match fixed.area() < moving.area() {
+            true => Side::Fixed,
+            false => Side::Moving,
+        };
+        let (surface, samples) = match sampled {
+            Side::Fixed => (moving, fixed),
+            Side::Moving => (fixed, moving),
+        };
+        let lengths = [smoothing.width(), smoothing.samples()];
+        Ok(Self {
+            surfaces: ContactSurfaces::new(Arc::clone(surface), samples, lengths)?,
+            parts,
+            smoothing: *smoothing,
+            sampled,
+            jump,
+        })
+    }
+
+    /// What it gives in a region.
+    ///
+    /// # Errors
+    /// As [`ContactSurfaces::sum`].
+    pub(crate) fn within(&self, region: &ContactRegion) -> Result<Contact, ContactError> {
+        let samples = match self.sampled {
+            Side::Fixed => &self.parts[0],
+            Side::Moving => &self.parts[1],
+        };
+        let region = region.of(self.sampled.other(), &samples.bounds());
+        Ok(Contact {
+            sum: Arc::new(self.surfaces.sum(region.as_ref())?),
+            parts: self.parts.clone(),
+            smoothing: self.smoothing,
+            sampled: self.sampled,
+            jump: self.jump,
+        })
+    }
+}
+
 impl Contact {
     /// Of two parts under a model with this [`jump`], where it is to be summed; the part with the
     /// smaller surface is sampled.
@@ -137,24 +196,8 @@ impl Contact {
         jump: f64,
         region: &ContactRegion,
     ) -> Result<Self, ContactError> {
-        let sampled = match fixed.area() < moving.area() {
-            true => Side::Fixed,
-            false => Side::Moving,
-        };
-        let (surface, samples) = match sampled {
-            Side::Fixed => (moving, fixed),
-            Side::Moving => (fixed, moving),
-        };
-        let region = region.of(sampled.other(), &samples.bounds());
-        let lengths = [smoothing.width(), smoothing.samples()];
-        let sum = ContactSum::within(surface, samples, lengths, region.as_ref())?;
-        Ok(Self {
-            sum: Arc::new(sum),
-            parts: [fixed, moving].map(|part| Arc::new(part.clone())),
-            smoothing: *smoothing,
-            sampled,
-            jump,
-        })
+        let parts = [fixed, moving].map(|part| Arc::new(part.clone()));
+        ContactParts::new(parts, smoothing, jump)?.within(region)
     }
 
     /// The same surfaces under another model.

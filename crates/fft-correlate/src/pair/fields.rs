@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
 use rayon::prelude::*;
-use sdf_grid::{Aabb, DensityField, FieldCache, KernelError, Lattice, Sampling};
+use sdf_grid::{Aabb, DensityField, DensityKernel, FieldCache, KernelError, Lattice, Sampling};
 use serde::Serialize;
 
 use crate::geometry::se3::Pose;
@@ -27,6 +27,9 @@ pub struct Pair {
     model: ScoreModel,
     pivot: DVec3,
     contact: Option<Contact>,
+    /// Whose cells are the points of a product that either part could give them for, if the meshes
+    /// decide it.
+    points: Option<Side>,
     /// The part of whose density only some is there.
     partial: Option<Partial>,
     /// Where its fields came from, and where those of coarser lattices are looked for.
@@ -147,9 +150,24 @@ impl Pair {
             model,
             pivot,
             contact,
+            points: None,
             partial: None,
             cache: None,
         })
+    }
+
+    /// The same, with the part that gives the points of a product for which both could.
+    pub(crate) fn with_points(self, points: Side) -> Self {
+        Self {
+            points: Some(points),
+            ..self
+        }
+    }
+
+    /// Whose cells are the points of a product for which either could give them, if the meshes decide
+    /// it.
+    pub(crate) fn points(&self) -> Option<Side> {
+        self.points
     }
 
     /// The same, with a cache for its fields on coarser lattices.
@@ -194,6 +212,26 @@ impl Pair {
 
     pub(crate) fn cache(&self) -> Option<&FieldCache> {
         self.cache.as_ref()
+    }
+
+    /// The lattice of a part, all of it, whether its density is there or not.
+    pub(crate) fn whole_lattice(&self, side: Side) -> &Lattice {
+        match &self.partial {
+            Some(partial) if partial.side == side => &partial.whole,
+            _ => self.part(side).lattice(),
+        }
+    }
+
+    /// The first node of a part's density that is there, counted in the whole lattice.
+    pub(crate) fn first_node(&self, side: Side) -> [usize; 3] {
+        let first = self.part(side).lattice().origin();
+        let index = self.whole_lattice(side).fractional_index(first);
+        index.round().to_array().map(|n| n as usize)
+    }
+
+    /// The magnitude of a unit density at a large flat face.
+    pub(crate) fn face_density(&self) -> f64 {
+        DensityKernel::new(self.model.sigma).map_or(0.0, |kernel| kernel.kappa())
     }
 
     /// Everything that the energies depend on: not which part of a lattice is there.
@@ -264,6 +302,7 @@ impl Pair {
         };
         let pair = Self::from_fields(fixed, moving, model, self.pivot, contact)?;
         Ok(Self {
+            points: self.points,
             partial: self.partial,
             ..pair
         })

@@ -5,7 +5,7 @@ pub(crate) mod contact;
 pub(crate) mod fields;
 pub(crate) mod interpolation;
 pub(crate) mod model;
-mod reach;
+pub(crate) mod reach;
 pub(crate) mod region;
 pub(crate) mod setup;
 

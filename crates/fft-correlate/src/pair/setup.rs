@@ -43,7 +43,7 @@ pub struct PairSetup {
 }
 
 /// Why a setup gives no pair.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PairSetupError {
     /// The fields cannot be computed.
     #[error(transparent)]

@@ -2,10 +2,10 @@
 
 use sdf_grid::Monitor;
 
-use crate::direct::evaluator::{DirectEvaluator, DirectOptions};
+use crate::direct::evaluator::DirectOptions;
+use crate::direct::tiles::{TiledEvaluator, WatchedTiles};
 use crate::geometry::se3::Pose;
-use crate::pair::fields::Pair;
-use crate::pair::setup::PairSetup;
+use crate::pair::setup::{PairSetup, PairSetupError};
 use crate::rotations::domain::RotationDomain;
 use crate::table::accuracy::{ErrorReport, HeldOut, random_pose};
 use crate::table::plan::TablePlan;
@@ -24,14 +24,14 @@ const LEVER: f64 = 0.1;
 
 /// Direct quadrature on a lattice as coarse as an error allows.
 pub struct TolerantDirect {
-    /// The pair on that lattice.
-    pub pair: Pair,
+    /// The setup on that lattice.
+    pub setup: PairSetup,
     /// Its quadrature.
-    pub evaluator: DirectEvaluator,
+    pub evaluator: TiledEvaluator,
     /// The greater of the errors of force and torque at the poses compared, shares of their rms: four
     /// thirds of the differences from a lattice of half the spacing.
     pub error: f64,
-    /// Spacing of the lattice that it was compared with, metres: half that of `pair`.
+    /// Spacing of the lattice that it was compared with, metres: half that of `setup`.
     pub reference_spacing: f64,
 }
 
@@ -40,7 +40,8 @@ impl TolerantDirect {
     /// shapes), the rms of each as a share of its own rms, are within `tolerance` by what half its
     /// spacing tells. The torque's rms counts as at least that of the force at a lever of a tenth of the
     /// moving part's radius. The spacing of `setup` is where the search begins; fields stay within its
-    /// memory limit; `tried` hears of every step.
+    /// memory limit, and only what the poses reach is computed of a large part; `tried` hears of every
+    /// step.
     ///
     /// # Errors
     /// If no lattice within reach meets the tolerance, a pair cannot be had, or the monitor cancels.
@@ -51,10 +52,9 @@ impl TolerantDirect {
         monitor: &dyn Monitor,
         tried: &mut dyn FnMut(Trial),
     ) -> Result<Self, ToleranceError> {
-        let first = setup.load(monitor)?;
         let step = poses.len().div_ceil(POSES).max(1);
         let poses: Vec<Pose> = poses.iter().step_by(step).copied().collect();
-        Self::refined(setup, first, &poses, tolerance, monitor, tried)
+        Self::refined(setup, &poses, tolerance, monitor, tried)
     }
 
     /// The same at random poses over the setup's box of displacements and `rotations`.
@@ -68,44 +68,61 @@ impl TolerantDirect {
         monitor: &dyn Monitor,
         tried: &mut dyn FnMut(Trial),
     ) -> Result<Self, ToleranceError> {
-        let plan = TablePlan::new(setup, setup.load(monitor)?, rotations.clone())?;
+        let pair = setup.load_in_window(monitor)?;
+        let plan = TablePlan::new(setup, pair, rotations.clone())?;
         let draw = |index| random_pose(&plan.spec, SEED, index);
         let poses: Vec<Pose> = (0..POSES as u64).map(draw).collect();
-        Self::refined(setup, plan.pair, &poses, tolerance, monitor, tried)
+        Self::refined(setup, &poses, tolerance, monitor, tried)
     }
 
-    /// Begins with the setup's own pair.
     fn refined(
         setup: &PairSetup,
-        first: Pair,
         poses: &[Pose],
         tolerance: f64,
         monitor: &dyn Monitor,
         tried: &mut dyn FnMut(Trial),
     ) -> Result<Self, ToleranceError> {
         let lever = LEVER * setup.moving.bounds().diagonal() * 0.5;
-        let search = SpacingSearch::new(setup, first, tolerance, 1.0);
+        let search = SpacingSearch::new(setup, tolerance, 1.0)?;
         search.refine_until(tried, |setup, half| {
             let on = |setup: &PairSetup| {
-                let pair = setup.load(monitor)?;
-                let evaluator = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
-                Ok::<_, ToleranceError>((pair, evaluator))
+                let evaluator = TiledEvaluator::new(setup, &DirectOptions::FULL, monitor)?;
+                // Those of one tile, one after the other.
+                let order = evaluator.order(poses).into_iter().map(|i| poses[i]);
+                let order: Vec<Pose> = order.collect();
+                Ok::<_, ToleranceError>((evaluator, order))
             };
-            let (fine, evaluator) = on(half)?;
-            let reference_spacing = fine.spacing();
-            let held_out = HeldOut::at(poses, &evaluator);
-            drop((fine, evaluator));
-            let (pair, evaluator) = on(setup)?;
-            let report = held_out.errors_of(&evaluator, pair.pivot());
-            let error = BEYOND * error_of(&report, lever);
+            let held_out = {
+                let (evaluator, poses) = on(half)?;
+                let source = evaluator.watched(monitor);
+                let held_out = HeldOut::at(&poses, &source);
+                check(&source)?;
+                held_out
+            };
+            let plan = |setup: &PairSetup| setup.plan_unlimited().map_err(PairSetupError::from);
+            let (evaluator, _) = on(setup)?;
+            let error = {
+                let source = evaluator.watched(monitor);
+                let report = held_out.errors_of(&source, plan(setup)?.pivot);
+                check(&source)?;
+                BEYOND * error_of(&report, lever)
+            };
             let found = Self {
                 error,
-                pair,
+                setup: setup.clone(),
                 evaluator,
-                reference_spacing,
+                reference_spacing: plan(half)?.spacing(),
             };
             Ok((error, found))
         })
+    }
+}
+
+/// Refuses answers of a source that has failed.
+fn check(source: &WatchedTiles<'_>) -> Result<(), ToleranceError> {
+    match source.failure() {
+        Some(failure) => Err(failure.clone().into()),
+        None => Ok(()),
     }
 }
 

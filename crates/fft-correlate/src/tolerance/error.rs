@@ -1,6 +1,7 @@
 //! Why nothing meets a tolerance.
 
 use crate::direct::evaluator::DirectError;
+use crate::direct::tiles::TileError;
 use crate::pair::builder::PairBuildError;
 use crate::pair::setup::PairSetupError;
 use crate::table::plan::TablePlanError;
@@ -72,9 +73,22 @@ pub enum ToleranceError {
     /// A part has no interior on its lattice.
     #[error(transparent)]
     Direct(#[from] DirectError),
+    /// The system starts no threads.
+    #[error(transparent)]
+    Threads(TileError),
     /// The monitor asked to stop.
     #[error("cancelled")]
     Cancelled,
+}
+
+impl From<TileError> for ToleranceError {
+    fn from(error: TileError) -> Self {
+        match error {
+            TileError::Setup(e) => e.into(),
+            TileError::Direct(e) => e.into(),
+            TileError::Threads { .. } => Self::Threads(error),
+        }
+    }
 }
 
 impl From<PairSetupError> for ToleranceError {

@@ -1,7 +1,6 @@
 //! Refining the lattice until its error meets a tolerance.
 
-use crate::pair::fields::Pair;
-use crate::pair::setup::{EnergyScale, PairSetup};
+use crate::pair::setup::{EnergyScale, PairSetup, PairSetupError};
 use crate::tolerance::error::{Limit, ToleranceError};
 
 /// One trial and the error of its probes: the greater of those of force and torque, each a share of
@@ -63,18 +62,24 @@ struct Orders {
 }
 
 impl SpacingSearch {
-    /// Begins at the spacing of `first`, the setup's pair; the lattice may use up `share` of the
-    /// tolerance.
-    pub(super) fn new(setup: &PairSetup, first: Pair, tolerance: f64, share: f64) -> Self {
-        Self {
+    /// Begins at the setup's own spacing; the lattice may use up `share` of the tolerance.
+    ///
+    /// # Errors
+    /// If the setup has no energy scale or no lattice.
+    pub(super) fn new(
+        setup: &PairSetup,
+        tolerance: f64,
+        share: f64,
+    ) -> Result<Self, PairSetupError> {
+        Ok(Self {
             setup: PairSetup {
-                energy: EnergyScale::Gamma(first.model().gamma),
+                energy: EnergyScale::Gamma(setup.gamma()?),
                 ..setup.clone()
             },
-            first: first.spacing(),
+            first: setup.plan_unlimited()?.spacing(),
             tolerance,
             orders: Orders::new(share * tolerance),
-        }
+        })
     }
 
     /// Refines the lattice until `error_of` finds an error that is small enough, and returns what

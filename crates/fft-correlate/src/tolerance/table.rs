@@ -118,8 +118,7 @@ struct Search<'a> {
 impl Search<'_> {
     /// A table on a lattice that is fine enough, its lattice's quadrature, and its error.
     fn lattice(&mut self) -> Result<(TolerantPlan, DirectEvaluator, f64), ToleranceError> {
-        let first = self.setup.load_in_window(self.monitor)?;
-        let search = SpacingSearch::new(&self.setup, first, self.tolerance, LATTICE_SHARE);
+        let search = SpacingSearch::new(&self.setup, self.tolerance, LATTICE_SHARE)?;
         let (rotations, memory, monitor) = (self.rotations, self.memory, self.monitor);
         search.refine_until(self.tried, |setup, half| {
             let at = |setup: &PairSetup| {

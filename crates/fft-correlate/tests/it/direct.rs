@@ -16,7 +16,7 @@ fn plan_covers_every_term_once() {
     for w in WEIGHTS {
         let pair = pair(&Blobs::new(1), &Blobs::new(2), 0.002, model(w));
         let m = pair.model();
-        let terms = score_terms(m, pair.fixed(), pair.moving());
+        let terms = score_terms(&pair);
         let total =
             |f: &dyn Fn(&fft_correlate::testing::Term) -> f64| terms.iter().map(f).sum::<f64>();
         // A term is symmetric in points and lookup but for which part is which.

@@ -78,12 +78,14 @@ fn a_lattice_meets_the_tolerance_asked_for_in_any_frame() {
             matches!(tried.last(), Some(Trial::Lattice { error, .. }) if *error == found.error)
         );
 
-        let fine = setup(which, clearance, turn, 0.4 * found.pair.spacing());
+        let spacing = 2.0 * found.reference_spacing;
+        let fine = setup(which, clearance, turn, 0.4 * spacing);
         let fine = fine.load(&Silent).unwrap();
         let truth = DirectEvaluator::new(&fine, &DirectOptions::FULL).unwrap();
         let poses = poses(fine.pivot());
         // Other poses than those of the choice, and a finer truth: a third more.
-        let reached = error(&found.pair, &truth, &poses);
+        let chosen = found.setup.load(&Silent).unwrap();
+        let reached = error(&chosen, &truth, &poses);
         assert!(reached < 1.33 * tolerance, "{which:?}: {reached}");
         let own = error(&coarse.load(&Silent).unwrap(), &truth, &poses);
         assert!(own > 1.33 * tolerance, "{which:?}: {own} without a choice");

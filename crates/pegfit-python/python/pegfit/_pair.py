@@ -314,7 +314,8 @@ def _of_scene(path: str, fixed: Optional[str], memory: Optional[int]) -> Pair:
 class Pair:
     """A part that stays and one that moves, modelled in the pose in which they fit.
 
-    Nothing is computed before the first call that needs the density fields; then they are kept.
+    Nothing is computed before the first call that needs the density fields; then they are kept. Of a
+    large part beside a small one only what poses reach is computed.
 
     Args:
         fixed: The part that stays: a `Mesh`, a file, or an object with vertices and faces.
@@ -433,7 +434,7 @@ class Pair:
     @property
     def pivot(self) -> Float:
         """The point of the moving part that displacements speak of, metres, `(3,)`."""
-        return np.array(self._core.pivot(None))
+        return np.array(self._core.pivot())
 
     def evaluator(
         self,

@@ -70,6 +70,7 @@ class _Source:
         Raises:
             PoseError: A wrong shape, a number that is not finite, or no rotation.
             TableError: The table was closed.
+            SceneError: What the poses reach does not fit in memory.
             KeyboardInterrupt: Within 50 ms of Ctrl-C.
 
         >>> from pegfit import Pair, Response, peg_in_hole
@@ -96,7 +97,8 @@ class _Source:
 class Evaluator(_Source):
     """Energy by direct quadrature: any pose, no table; 0.1 to 10 ms a pose.
 
-    Made by `Pair.evaluator`.
+    Made by `Pair.evaluator`. Of a large part beside a small one it computes what poses reach when they
+    ask, about a second for the first pose somewhere; a loop has it compute the rest before it begins.
 
     Attributes:
         points: Quadrature points: the most lookups that one pose takes.

@@ -173,7 +173,7 @@ impl SceneContent {
         };
         let bounds = mesh.bounds();
         let bounds = bounds.grown(0.2 * bounds.size().max_element());
-        let sigma = self.assembly.pair.model().sigma;
+        let sigma = self.assembly.setup.parts.model.sigma;
         let field = slice.density(&mesh, sigma, &bounds, &Quiet(self)).ok()?;
         let inside = sheet(&field.interior, &field, &slice);
         let outside = sheet(&field.exterior, &field, &slice);

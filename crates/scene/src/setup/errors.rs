@@ -94,6 +94,7 @@ impl Scene {
             ToleranceError::Plan(e) => self.design_error(e),
             ToleranceError::Table(e) => SceneError::refused(&self.path, "probing", e),
             ToleranceError::Direct(e) => SceneError::refused(&self.path, "", e),
+            ToleranceError::Threads(e) => SceneError::refused(&self.path, "", e),
         }
     }
 }

@@ -4,8 +4,8 @@
 use std::sync::Arc;
 
 use fft_correlate::{
-    Docking, DockingRequest, DockingResult, Pair, PairBuilder, PairSetup, Placement, Pose,
-    RotationDomain,
+    DirectOptions, Docking, DockingRequest, DockingResult, Pair, PairBuilder, PairSetup, Placement,
+    Pose, RotationDomain, TileError, TiledEvaluator,
 };
 use glam::DVec3;
 use sdf_grid::{Aabb, FieldCache, LengthUnit, Monitor, TriangleMesh};
@@ -95,8 +95,7 @@ impl SceneSetup {
     /// As [`SceneSetup::pair`].
     pub fn pair_in_window(&self, monitor: &dyn Monitor) -> Result<Pair, SceneError> {
         let parts = &self.parts;
-        let plan = parts.plan_unlimited();
-        let pivot = plan.map_err(|e| self.scene.fields_error(e))?.pivot;
+        let pivot = self.pivot()?;
         let (fit, reach) = (parts.assembled.apply(pivot) - pivot, parts.reach());
         let about_fit = Aabb::around([fit - reach, fit + reach]);
         let window = parts.displacements(pivot).union(&about_fit);
@@ -118,8 +117,7 @@ impl SceneSetup {
     /// # Errors
     /// As [`SceneSetup::pair`].
     pub fn pair_about_fit(&self, lengths: f64, monitor: &dyn Monitor) -> Result<Pair, SceneError> {
-        let plan = self.parts.plan_unlimited();
-        let pivot = plan.map_err(|e| self.scene.fields_error(e))?.pivot;
+        let pivot = self.pivot()?;
         self.pair_within(self.parts.displacements(pivot).center(), lengths, monitor)
     }
 
@@ -157,6 +155,38 @@ impl SceneSetup {
         monitor: &dyn Monitor,
     ) -> Result<Vec<(Pair, Vec<usize>)>, SceneError> {
         (self.parts.load_at(poses, monitor)).map_err(|e| self.scene.pair_error(e))
+    }
+
+    /// The point of the moving shape that its poses are counted by, metres ([`Pair::pivot`]); nothing is
+    /// computed.
+    ///
+    /// # Errors
+    /// If the lattices cannot be planned.
+    pub fn pivot(&self) -> Result<DVec3, SceneError> {
+        let plan = self.parts.plan_unlimited();
+        Ok(plan.map_err(|e| self.scene.fields_error(e))?.pivot)
+    }
+
+    /// Energies at poses of the shapes by direct quadrature, of which only what they reach is loaded,
+    /// when it is asked for.
+    ///
+    /// # Errors
+    /// As [`SceneSetup::pair`], or if a part has no interior on its lattice.
+    pub fn tiles(
+        &self,
+        options: &DirectOptions,
+        monitor: &dyn Monitor,
+    ) -> Result<TiledEvaluator, SceneError> {
+        let tiles = TiledEvaluator::new(&self.parts, options, monitor);
+        tiles.map_err(|e| self.tile_error(e))
+    }
+
+    /// What went wrong with these, with the scene's file.
+    pub fn tile_error(&self, error: TileError) -> SceneError {
+        match error {
+            TileError::Setup(e) => self.scene.pair_error(e),
+            other => SceneError::refused(&self.scene.path, "", other),
+        }
     }
 
     /// What the scene asks of docking: its rotations, if it names any.

@@ -110,10 +110,18 @@ impl Lattice {
     /// The part of it whose nodes lie in a box (metres); of a box beside it, or so thin that it holds no
     /// node, the nearest nodes.
     pub fn clipped(&self, to: &Aabb) -> Self {
+        self.clipped_to_blocks(to, 1)
+    }
+
+    /// The same, of blocks of so many nodes per side, counted from the first, all that hold one.
+    pub fn clipped_to_blocks(&self, to: &Aabb, nodes: u32) -> Self {
+        let block = f64::from(nodes.max(1));
         let last = UVec3::from_array(self.shape.map(|s| s as u32 - 1)).as_dvec3();
         let index = |p: DVec3| self.fractional_index(p).clamp(DVec3::ZERO, last);
         let first = (index(to.min) - 1e-9).ceil().max(DVec3::ZERO);
         let end = (index(to.max) + 1e-9).floor().min(last).max(first);
+        let first = block * (first / block).floor();
+        let end = (block * (end / block).floor() + block - 1.0).min(last);
         Self {
             origin: (self.origin() + self.spacing * first).to_array(),
             spacing: self.spacing,

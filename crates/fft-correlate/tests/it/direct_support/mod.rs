@@ -139,7 +139,7 @@ pub(crate) fn brute_force(pair: &Pair, pose: &Pose) -> Complex64 {
         testing::Side::Fixed => pair.fixed(),
         testing::Side::Moving => pair.moving(),
     };
-    let terms = testing::score_terms(pair.model(), pair.fixed(), pair.moving());
+    let terms = testing::score_terms(pair);
     terms
         .iter()
         .map(|term| {

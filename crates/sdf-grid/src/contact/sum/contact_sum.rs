@@ -1,6 +1,7 @@
 //! The contact sum of two parts.
 
 use std::mem::MaybeUninit;
+use std::sync::Arc;
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, f32x16};
@@ -23,15 +24,29 @@ use crate::surface::bvh::build::Leaves;
 use crate::surface::bvh::tree::Bvh;
 use crate::surface::coplanar::pieces::EXACT;
 
+/// Two surfaces, prepared for sums over both wherever these are asked for.
+#[derive(Debug, Clone)]
+pub struct ContactSurfaces {
+    surface: Arc<TriangleMesh>,
+    regions: Arc<Regions>,
+    placing: Arc<Placing>,
+}
+
+/// What places the samples of one surface beside the other, in whichever region.
+#[derive(Debug)]
+struct Placing {
+    distance_bound: DistanceBound,
+    clusters: Clusters,
+    /// Metres.
+    reach: f64,
+}
+
 /// The sum over both surfaces of two parts, `∬ (n1·n2) g(|q - y|) dA1 dA2`, at any pose of one part
 /// in the frame of the other.
 #[derive(Debug, Clone)]
 pub struct ContactSum {
     visible: VisiblePatches,
-    distance_bound: DistanceBound,
-    clusters: Clusters,
-    /// Metres.
-    reach: f64,
+    placing: Arc<Placing>,
     level: Level,
 }
 
@@ -45,6 +60,52 @@ pub struct ContactSums {
     /// Its derivative by a rotation of the sampled part about the origin of its own frame, along
     /// the axes of the surface's frame; cubic metres per radian.
     pub moment: DVec3,
+}
+
+impl ContactSurfaces {
+    /// Prepares sums as those of [`ContactSum::new`].
+    ///
+    /// # Errors
+    /// As it.
+    pub fn new(
+        surface: Arc<TriangleMesh>,
+        sampled: &TriangleMesh,
+        [width, distance]: [f64; 2],
+    ) -> Result<Self, ContactError> {
+        if !(width.is_finite() && width > 0.0) {
+            return Err(ContactError::Width { found: width });
+        }
+        let reach = REACH * width;
+        let flat = |mesh: &TriangleMesh| FLAT * mesh.bounds().size().max_element();
+        let mut samples = sample_surface(sampled, flat(sampled), distance, reach)?;
+        let clusters = Clusters::new(&mut samples, reach);
+        let bvh = Bvh::merged(&surface, EXACT, Leaves::Small);
+        let regions = Regions::new(&surface, flat(&surface), reach)?;
+        Ok(Self {
+            regions: Arc::new(regions),
+            placing: Arc::new(Placing {
+                distance_bound: DistanceBound::new(&surface, &bvh, reach),
+                clusters,
+                reach,
+            }),
+            surface,
+        })
+    }
+
+    /// The sum; if a box of the surface's frame (metres) is given, only for poses at which the sampled
+    /// part lies in it: memory is that of the surface near the box. At these poses it is to the last
+    /// bit what it is without a box, at others it lacks what lies outside.
+    ///
+    /// # Errors
+    /// If there would be too many faces in reach.
+    pub fn sum(&self, region: Option<&Aabb>) -> Result<ContactSum, ContactError> {
+        let lengths = [self.placing.reach, self.placing.clusters.radius];
+        Ok(ContactSum {
+            visible: VisiblePatches::new(&self.surface, &self.regions, lengths, region)?,
+            placing: Arc::clone(&self.placing),
+            level: level::native(),
+        })
+    }
 }
 
 impl ContactSum {
@@ -61,54 +122,26 @@ impl ContactSum {
         width: f64,
         distance: f64,
     ) -> Result<Self, ContactError> {
-        Self::within(surface, sampled, [width, distance], None)
-    }
-
-    /// The same, prepared only for poses at which the sampled part lies in a box of the surface's frame
-    /// (metres), if one is given: memory is that of the surface near the box. At other poses the sum
-    /// lacks what lies outside.
-    ///
-    /// # Errors
-    /// As [`ContactSum::new`].
-    pub fn within(
-        surface: &TriangleMesh,
-        sampled: &TriangleMesh,
-        [width, distance]: [f64; 2],
-        region: Option<&Aabb>,
-    ) -> Result<Self, ContactError> {
-        if !(width.is_finite() && width > 0.0) {
-            return Err(ContactError::Width { found: width });
-        }
-        let reach = REACH * width;
-        let flat = |mesh: &TriangleMesh| FLAT * mesh.bounds().size().max_element();
-        let mut samples = sample_surface(sampled, flat(sampled), distance, reach)?;
-        let clusters = Clusters::new(&mut samples, reach);
-        let bvh = Bvh::merged(surface, EXACT, Leaves::Small);
-        let regions = Regions::new(surface, flat(surface), reach)?;
-        Ok(Self {
-            visible: VisiblePatches::new(surface, &regions, [reach, clusters.radius], region)?,
-            distance_bound: DistanceBound::new(surface, &bvh, reach),
-            clusters,
-            reach,
-            level: level::native(),
-        })
+        let surface = Arc::new(surface.clone());
+        ContactSurfaces::new(surface, sampled, [width, distance])?.sum(None)
     }
 
     /// Number of samples of the sampled part, and of clusters of up to sixteen of them.
     pub fn samples(&self) -> [usize; 2] {
-        let clusters = &self.clusters.clusters;
+        let clusters = &self.placing.clusters.clusters;
         let full = clusters.iter().flat_map(|c| c.area).filter(|a| *a > 0.0);
         [full.count(), clusters.len()]
     }
 
     /// Distance between the surfaces beyond which the sum is zero, metres.
     pub fn reach(&self) -> f64 {
-        self.reach
+        self.placing.reach
     }
 
     /// Memory that is held, bytes.
     pub fn bytes(&self) -> usize {
-        self.visible.bytes() + self.distance_bound.bytes() + self.clusters.bytes()
+        let placing = &self.placing;
+        self.visible.bytes() + placing.distance_bound.bytes() + placing.clusters.bytes()
     }
 
     /// The sum where `y` of the sampled part's frame lies at `rotation * y + translation` of the
@@ -139,11 +172,11 @@ impl<'a> ReachableClusters<'a> {
     /// The next one, whose patches are on their way.
     #[inline(always)]
     fn next(&mut self) -> Option<ReachableCluster<'a>> {
-        let sum = self.sum;
-        while let Some(ball) = sum.clusters.balls.get(self.next) {
+        let (sum, placing) = (self.sum, &*self.sum.placing);
+        while let Some(ball) = placing.clusters.balls.get(self.next) {
             let lever = self.turn * ball.centre;
             let centre = lever + self.translation;
-            if sum.distance_bound.lower_bound(centre) >= sum.reach + ball.radius {
+            if placing.distance_bound.lower_bound(centre) >= placing.reach + ball.radius {
                 self.next = ball.next as usize;
                 continue;
             }
@@ -155,7 +188,7 @@ impl<'a> ReachableClusters<'a> {
                 continue;
             };
             let placed = PlacedCluster {
-                cluster: &sum.clusters.clusters[ball.cluster as usize],
+                cluster: &placing.clusters.clusters[ball.cluster as usize],
                 turn: self.turn.as_mat3(),
                 at,
                 radius: ball.in_reaches,
@@ -186,6 +219,7 @@ fn sum_clusters<S: Simd>(
         translation,
         next: 0,
     };
+    let reach = sum.placing.reach;
     let mut sums = ContactSums::default();
     let mut found = in_reach.next();
     while let Some(ReachableCluster {
@@ -196,10 +230,10 @@ fn sum_clusters<S: Simd>(
     {
         found = in_reach.next();
         let part = sum_cluster(simd, &sum.visible, patches, &placed);
-        let square = sum.reach * sum.reach;
+        let square = reach * reach;
         let gradient = part.gradient.as_dvec3() * square;
-        let moment = part.moment.as_dvec3() * (square * sum.reach);
-        sums.value += f64::from(part.value) * (square * sum.reach);
+        let moment = part.moment.as_dvec3() * (square * reach);
+        sums.value += f64::from(part.value) * (square * reach);
         sums.gradient += gradient;
         sums.moment += moment + lever.cross(gradient);
     }

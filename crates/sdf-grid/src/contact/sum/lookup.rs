@@ -11,24 +11,54 @@ use crate::mesh::aabb::Aabb;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::bvh::tree::Bvh;
 
-/// A uniform grid over a box, the last direction fastest.
+/// A box of cells of a uniform grid, the last direction fastest. Cells of one grid are the same to the
+/// last bit in whichever box.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grid {
+    /// Where the grid begins, metres.
     pub(super) low: DVec3,
     /// Edge of a cell, metres.
     pub(super) edge: f64,
+    /// The box's first cell along each direction, counted from where the grid begins.
+    pub(super) first: [usize; 3],
     pub(super) shape: [usize; 3],
 }
 
 impl Grid {
-    /// First and last cell along each direction that a box overlaps, clamped to the grid.
-    pub(super) fn range(&self, low: DVec3, high: DVec3) -> [[usize; 2]; 3] {
+    /// The grid's cells between two places along each direction.
+    fn places(&self, low: DVec3, high: DVec3) -> [[f64; 2]; 3] {
         let place = |p: DVec3| ((p - self.low) / self.edge).floor();
         let (from, to) = (place(low), place(high));
+        std::array::from_fn(|a| [from[a], to[a]])
+    }
+
+    /// First and last cell of the box along each direction between two places, clamped to the box.
+    pub(super) fn range(&self, low: DVec3, high: DVec3) -> [[usize; 2]; 3] {
+        let places = self.places(low, high);
         std::array::from_fn(|a| {
-            let last = self.shape[a] as f64 - 1.0;
-            [from[a], to[a]].map(|i| i.clamp(0.0, last) as usize)
+            let (first, last) = (self.first[a] as f64, self.shape[a] as f64 - 1.0);
+            places[a].map(|i| (i - first).clamp(0.0, last) as usize)
         })
+    }
+
+    /// The same; none if they lie beside the box.
+    pub(super) fn overlap(&self, low: DVec3, high: DVec3) -> Option<[[usize; 2]; 3]> {
+        let places = self.places(low, high);
+        let overlaps = |a: usize| {
+            let first = self.first[a] as f64;
+            places[a][1] >= first && places[a][0] < first + self.shape[a] as f64
+        };
+        (0..3).all(overlaps).then(|| self.range(low, high))
+    }
+
+    /// Those of its cells between two places; the nearest ones if there are none.
+    pub(super) fn part(&self, low: DVec3, high: DVec3) -> Self {
+        let range = self.range(low, high);
+        Self {
+            first: std::array::from_fn(|a| self.first[a] + range[a][0]),
+            shape: range.map(|[from, to]| to + 1 - from),
+            ..*self
+        }
     }
 
     #[inline(always)]
@@ -43,8 +73,9 @@ impl Grid {
     /// The middle of a cell.
     pub(super) fn middle(&self, flat: usize) -> DVec3 {
         let [_, ny, nz] = self.shape;
-        let index = [flat / nz / ny, flat / nz % ny, flat % nz];
-        self.low + self.edge * (DVec3::from_array(index.map(|i| i as f64)) + 0.5)
+        let within = [flat / nz / ny, flat / nz % ny, flat % nz];
+        let index: [f64; 3] = std::array::from_fn(|a| (self.first[a] + within[a]) as f64);
+        self.low + self.edge * (DVec3::from_array(index) + 0.5)
     }
 }
 
@@ -125,6 +156,7 @@ impl DistanceBound {
         let grid = Grid {
             low: bounds.min,
             edge: cell,
+            first: [0; 3],
             shape: shape.to_array().map(|n| n as usize),
         };
         let least = (0..grid.count()).into_par_iter().map(|flat| {
@@ -339,6 +371,7 @@ mod tests {
         for edge in [0.07, 0.4, 5.0] {
             let grid = Grid {
                 low: DVec3::ZERO,
+                first: [0; 3],
                 edge,
                 shape: [1.0, 2.0, 0.7].map(|l: f64| (l / edge).ceil() as usize),
             };

@@ -431,17 +431,18 @@ impl VisiblePatches {
     ) -> Result<Self, ContactError> {
         // A grid over all places in reach.
         let all = mesh.bounds().grown(reach + radius);
-        let all = region.map_or(all, |region| all.clipped(region));
         let wanted = CELL * reach;
         let count = (all.size() / wanted).element_product();
         let cell = wanted * (count / MOST_CELLS).cbrt().max(1.0);
         let shape = (all.size() / cell).ceil().max(DVec3::ONE);
+        let whole = Grid {
+            low: all.min,
+            edge: cell,
+            first: [0; 3],
+            shape: shape.to_array().map(|n| n as usize),
+        };
         let mut visible = Self {
-            grid: Grid {
-                low: all.min,
-                edge: cell,
-                shape: shape.to_array().map(|n| n as usize),
-            },
+            grid: region.map_or(whole, |region| whole.part(region.min, region.max)),
             per_metre: 1.0 / cell,
             in_reaches: cell / reach,
             starts: vec![[0; 2]],
@@ -455,7 +456,8 @@ impl VisiblePatches {
         let surface = Surface {
             mesh,
             regions,
-            surfels: SurfelGrid::new(visible.grid, &regions.surfels),
+            // Whose order decides how tori are fitted: that of the whole grid in any region.
+            surfels: SurfelGrid::new(whole, &regions.surfels),
             tori: vec![OnceLock::new(); regions.surfels.len()],
             unit: reach,
             range,
@@ -531,16 +533,10 @@ impl VisiblePatches {
 
     fn cells_in(&self, bounds: &Aabb) -> impl Iterator<Item = usize> + use<> {
         let grid = self.grid;
-        // The range is that of the nearest cells where the box lies beside the grid.
-        let shape = DVec3::from_array(grid.shape.map(|n| n as f64));
-        let whole = Aabb {
-            min: grid.low,
-            max: grid.low + grid.edge * shape,
-        };
-        let beside = !whole.overlaps(bounds);
-        let [xs, ys, zs] = grid
-            .range(bounds.min, bounds.max)
-            .map(|[from, to]| from..if beside { from } else { to + 1 });
+        let cells = grid.overlap(bounds.min, bounds.max);
+        let [xs, ys, zs] = cells.map_or([0..0, 0..0, 0..0], |cells| {
+            cells.map(|[from, to]| from..to + 1)
+        });
         xs.flat_map(move |x| {
             let zs = zs.clone();
             ys.clone()
@@ -553,12 +549,14 @@ impl VisiblePatches {
     #[inline(always)]
     pub(super) fn look_up(&self, p: DVec3) -> Option<(&[Patch], Vec3)> {
         let place = (p - self.grid.low) * self.per_metre;
+        let first = DVec3::from_array(self.grid.first.map(|n| n as f64));
         let shape = DVec3::from_array(self.grid.shape.map(|n| n as f64));
+        let cell = place - first;
         // False for what is not a number.
-        if !(place.cmpge(DVec3::ZERO).all() && place.cmplt(shape).all()) {
+        if !(cell.cmpge(DVec3::ZERO).all() && cell.cmplt(shape).all()) {
             return None;
         }
-        let flat = self.grid.flat(place.to_array().map(|v| v as usize));
+        let flat = self.grid.flat(cell.to_array().map(|v| v as usize));
         let [first, last] = [self.starts[flat], self.starts[flat + 1]];
         let patches = self.patches.get(first[0] as usize..last[0] as usize)?;
         fetch_all(patches);

@@ -111,7 +111,8 @@ function save(blob: Blob | null | undefined, name: string): void {
     link.href = URL.createObjectURL(blob);
     link.download = name;
     link.click();
-    URL.revokeObjectURL(link.href);
+    // A browser that is busy fetches it later.
+    setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
 }
 
 async function log(): Promise<void> {

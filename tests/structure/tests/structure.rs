@@ -90,7 +90,7 @@ fn no_folders_import_each_other_in_a_circle() {
 }
 
 /// Of each crate's folder, the package that it is and those of this workspace that it may use.
-const DEPENDENCIES: [(&str, &str, &[&str]); 9] = [
+const DEPENDENCIES: [(&str, &str, &[&str]); 10] = [
     ("sdf-grid", "sdf-grid", &[]),
     ("fft-correlate", "fft-correlate", &["sdf-grid"]),
     ("haptic", "haptic", &["sdf-grid", "fft-correlate"]),
@@ -100,6 +100,11 @@ const DEPENDENCIES: [(&str, &str, &[&str]); 9] = [
         &["sdf-grid", "fft-correlate", "haptic"],
     ),
     ("path", "pegfit-path", &["sdf-grid", "fft-correlate"]),
+    (
+        "assemble",
+        "pegfit-assemble",
+        &["sdf-grid", "fft-correlate", "pegfit-path"],
+    ),
     (
         "play",
         "pegfit-play",
@@ -132,6 +137,7 @@ const DEPENDENCIES: [(&str, &str, &[&str]); 9] = [
             "haptic",
             "pegfit-scene",
             "pegfit-path",
+            "pegfit-assemble",
             "pegfit-play",
             "pegfit-pictures",
         ],
@@ -139,7 +145,7 @@ const DEPENDENCIES: [(&str, &str, &[&str]); 9] = [
 ];
 
 /// `sdf-grid <- fft-correlate <- haptic <- scene <- cli`, `scene <- play <- cli`,
-/// `fft-correlate <- path <- cli`, and `sdf-grid <- pictures <- play`.
+/// `fft-correlate <- path <- assemble <- cli`, and `sdf-grid <- pictures <- play`.
 #[test]
 fn crates_depend_one_way() {
     let packages: BTreeSet<&str> = DEPENDENCIES.iter().map(|d| d.1).collect();

@@ -603,8 +603,8 @@ pub(crate) struct DisassembleArgs {
 /// Arguments of `pegfit assemble`.
 #[derive(Debug, Args)]
 pub(crate) struct AssembleArgs {
-    /// Mesh files (OBJ, STL, PLY, glTF, 3MF, STEP), each with one solid or many, or folders of such
-    /// files; where the solids lie in them does not matter
+    /// Mesh files (OBJ, STL, PLY, glTF, 3MF, STEP), or folders of such files: each file is a part; of
+    /// a single file each solid is one. Where they lie does not matter
     #[arg(required = true)]
     pub(crate) parts: Vec<PathBuf>,
     /// Scene file to write, with all parts in their places; their meshes go into a folder beside it
@@ -622,6 +622,9 @@ pub(crate) struct AssembleArgs {
     /// Write a page that puts the parts together step by step; it needs no other file
     #[arg(long, value_name = "PAGE.html")]
     pub(crate) html: Option<PathBuf>,
+    /// Each solid of each file is a part
+    #[arg(long)]
+    pub(crate) solids: bool,
     /// Part whose own frame is that of the assembly [default: the largest that is placed]
     #[arg(long, value_name = "PART")]
     pub(crate) fix: Option<String>,

@@ -12,6 +12,7 @@ use pegfit_assemble::{
 use pegfit_path::PathResult;
 use pegfit_scene::poses::pose_fields;
 use pegfit_scene::{SolidOptions, SolidSet};
+use sdf_grid::mesh_io::{MeshFile, ReadOptions};
 use sdf_grid::{LengthUnit, TriangleMesh, atomic};
 use serde::Serialize;
 
@@ -26,12 +27,13 @@ use crate::report::path::{Act, Played, words};
 use crate::terminal::progress::interrupted;
 
 /// Endings of the files that are read of a folder.
-const MESHES: [&str; 9] = [
-    "obj", "stl", "ply", "glb", "gltf", "3mf", "step", "stp", "off",
-];
+const MESHES: [&str; 8] = ["obj", "stl", "ply", "glb", "gltf", "3mf", "step", "stp"];
 
-/// A part that contact holds with less information beyond the next assembly is not certain, nats.
+/// An assembly is certain if it is worth so much more than the next, nats.
 const CERTAIN: f64 = 3.0;
+
+/// Parts by name, and the unit that their file states.
+type Named = (Vec<(String, TriangleMesh)>, Option<LengthUnit>);
 
 pub(super) fn run(args: &AssembleArgs, context: &Context) -> Result<(), CommandError> {
     let report_file = (args.report.clone()).unwrap_or_else(|| args.output.with_extension("json"));
@@ -65,32 +67,23 @@ pub(super) fn run(args: &AssembleArgs, context: &Context) -> Result<(), CommandE
     }
 }
 
-/// All solids of all files that are wanted, each in its own frame, and the unit of the first file.
+/// The parts of all files that are wanted, each in its own frame, and the unit of the first file.
 fn read_parts(args: &AssembleArgs) -> Result<(Vec<LoosePart>, LengthUnit), CommandError> {
-    let options = SolidOptions {
-        unit: args.unit,
-        segments_per_turn: args.reading.segments_per_turn,
-        step_time_limit: Duration::from_secs(args.reading.step_time_limit),
-        lossy: args.reading.lossy,
-        ..SolidOptions::default()
-    };
+    let files = files(&args.parts)?;
+    let each_solid = args.solids || files.len() == 1;
     let mut parts: Vec<LoosePart> = Vec::new();
     let mut names = BTreeSet::new();
     let mut unit = None;
-    for file in files(&args.parts)? {
-        let set = SolidSet::read(&file, &options)?;
-        unit = unit.or(Some(set.unit()));
-        let stem = file.file_stem().unwrap_or_default().to_string_lossy();
-        let many = set.solids.len() > 1;
-        for (i, solid) in set.solids.iter().enumerate() {
-            let name = if many {
-                set.called(i)
-            } else {
-                stem.to_string()
-            };
+    for file in files {
+        let (solids, stated) = match each_solid {
+            true => read_solids(&file, args)?,
+            false => read_whole(&file, args)?,
+        };
+        unit = unit.or(stated);
+        for (name, mesh) in solids {
             parts.push(LoosePart {
                 name: unique(&mut names, &name),
-                mesh: Arc::new(solid.mesh.clone()),
+                mesh: Arc::new(mesh),
             });
         }
     }
@@ -105,6 +98,36 @@ fn read_parts(args: &AssembleArgs) -> Result<(Vec<LoosePart>, LengthUnit), Comma
         parts.retain(|p| args.only.contains(&p.name));
     }
     Ok((parts, unit.unwrap_or(args.unit)))
+}
+
+/// A file as one part.
+fn read_whole(file: &Path, args: &AssembleArgs) -> Result<Named, CommandError> {
+    let reading = &args.reading;
+    let limit = Duration::from_secs(reading.step_time_limit);
+    let options = ReadOptions::choosing(args.unit, None, reading.segments_per_turn)
+        .within(limit, reading.lossy);
+    let opened = MeshFile::open(file, &options.step)?;
+    let (mesh, report) = opened.clean(&options)?;
+    for warning in report.warnings() {
+        remark!("{warning}");
+    }
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+    Ok((vec![(stem.into_owned(), mesh)], opened.stated_unit()))
+}
+
+/// The solids of a file.
+fn read_solids(file: &Path, args: &AssembleArgs) -> Result<Named, CommandError> {
+    let options = SolidOptions {
+        unit: args.unit,
+        segments_per_turn: args.reading.segments_per_turn,
+        step_time_limit: Duration::from_secs(args.reading.step_time_limit),
+        lossy: args.reading.lossy,
+        ..SolidOptions::default()
+    };
+    let set = SolidSet::read(file, &options)?;
+    let solids = set.solids.iter().enumerate();
+    let named = solids.map(|(i, solid)| (set.called(i), solid.mesh.clone()));
+    Ok((named.collect(), Some(set.unit())))
 }
 
 /// The files that are named, and those of the folders that are named, in the order of their names.

@@ -17,7 +17,6 @@ use sdf_grid::{LengthUnit, TriangleMesh, atomic};
 use serde::Serialize;
 
 use crate::args::AssembleArgs;
-use crate::commands::disassemble::describe_step;
 use crate::commands::path::time_limit;
 use crate::commands::scenes::parse_pose;
 use crate::context::Context;
@@ -420,17 +419,13 @@ fn print(found: &AssemblyResult, names: &[String], scene: &Path) {
     }
     match &best.disassembly {
         Some(apart) => {
-            say!("goes together in {} steps:", apart.steps.len());
-            let names: Vec<&str> = names.iter().map(String::as_str).collect();
-            for (i, step) in apart.steps.iter().rev().enumerate() {
-                say!(
-                    "  {}. the reverse of {}",
-                    i + 1,
-                    describe_step(step, &names)
-                );
+            let steps = steps_in(best, names);
+            say!("goes together in {} steps:", steps.len());
+            for (i, (said, ..)) in steps.iter().enumerate() {
+                say!("  {}. {said}", i + 1);
             }
             for locked in &apart.locked {
-                let parts: Vec<&str> = locked.parts.iter().map(|p| names[*p]).collect();
+                let parts: Vec<&str> = locked.parts.iter().map(|p| names[*p].as_str()).collect();
                 say!("  {} do not come apart as they lie", parts.join(", "));
             }
         }

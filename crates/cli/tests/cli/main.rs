@@ -1,6 +1,7 @@
 //! The `pegfit` command from the outside: every command end to end on tiny parts, and every kind of
 //! bad input with its exit code and words.
 
+mod assemble;
 mod bake;
 mod check;
 #[cfg(feature = "cloud")]

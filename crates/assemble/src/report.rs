@@ -29,10 +29,10 @@ pub(crate) struct Reporter<'a> {
 }
 
 impl Reporter<'_> {
-    /// Reports of the best, in the order of what they are worth. They are taken apart one after the
-    /// other, until one comes apart.
+    /// Reports of the best and at least one other, in the order of what they are worth. They are taken
+    /// apart one after the other, until one comes apart.
     pub(crate) fn reports(&self, found: &[Subassembly], monitor: &dyn Monitor) -> Vec<Assembly> {
-        let most = self.request.top;
+        let most = self.request.top.max(2);
         monitor.begin("taking assemblies apart", found.len().min(most) as u64);
         let mut reports: Vec<Assembly> = Vec::new();
         let mut apart = self.request.path_time.is_zero();

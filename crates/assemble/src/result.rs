@@ -10,6 +10,8 @@ use pegfit_path::DisassemblyResult;
 pub struct AssemblyResult {
     /// The best first.
     pub assemblies: Vec<Assembly>,
+    /// How much more the best is worth than the next that was found, nats; none if there is no other.
+    pub margin: Option<f64>,
     /// Parts of equal shape.
     pub shapes: Vec<Vec<usize>>,
     /// Pairs of shapes that were docked.

@@ -32,14 +32,20 @@ pub(crate) fn are_same(a: &Subassembly, b: &Subassembly, shapes: &[Shape]) -> bo
 
 /// Whether a motion carries every part of `a` onto an equal one of `b`.
 fn maps(motion: &Pose, a: &Subassembly, b: &Subassembly, shapes: &[Shape]) -> bool {
+    // Each part of `b` stands for one of `a`: two on one axis may both be carried to it.
+    let mut free: Vec<&Placed> = b.placed.iter().collect();
     a.placed.iter().all(|p| {
         let at = *motion * p.pose;
-        let equal = |q: &&Placed| q.shape == p.shape;
-        let mut there = b.placed.iter().filter(equal);
-        there.any(|q| {
-            let shape = &shapes[p.shape];
-            let bounds = shape.mesh.bounds();
-            coincide(&at, &q.pose, shape) || carries(&q.joint, &q.pose, &at, &bounds)
+        let shape = &shapes[p.shape];
+        let bounds = shape.mesh.bounds();
+        let equal = |q: &&Placed| {
+            q.shape == p.shape
+                && (coincide(&at, &q.pose, shape) || carries(&q.joint, &q.pose, &at, &bounds))
+        };
+        let found = free.iter().position(equal);
+        found.is_some_and(|i| {
+            free.swap_remove(i);
+            true
         })
     })
 }
@@ -68,4 +74,46 @@ fn coincide(a: &Pose, b: &Pose, shape: &Shape) -> bool {
         let far = |c: &DVec3| a.apply(*c).distance(b.apply(*c));
         centres <= near && corners.iter().map(far).fold(0.0, f64::max) <= step
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use fft_correlate::mating::{Joint, JointKind};
+    use sdf_grid::shapes;
+
+    use super::*;
+    use crate::request::LoosePart;
+
+    /// Rings on an axis are the same wherever they slide, but one ring does not stand for two.
+    #[test]
+    fn each_part_stands_for_one() {
+        let mesh = Arc::new(shapes::cuboid(DVec3::new(0.01, 0.02, 0.03)).unwrap());
+        let part = |name: &str| LoosePart {
+            name: name.to_owned(),
+            mesh: Arc::clone(&mesh),
+        };
+        let shapes = Shape::of(&[part("one"), part("two")]);
+        let placed = |places: [DVec3; 2]| Subassembly {
+            placed: (places.into_iter().enumerate())
+                .map(|(member, at)| Placed {
+                    shape: 0,
+                    member,
+                    pose: Pose::from_translation(at),
+                    joint: Joint {
+                        kind: JointKind::Cylindrical,
+                        axis: DVec3::Z,
+                        ..Joint::default()
+                    },
+                })
+                .collect(),
+            score: 0.0,
+        };
+        let [low, high, beside] = [DVec3::ZERO, 0.1 * DVec3::Z, 0.1 * DVec3::X];
+        let stacked = placed([low, high]);
+        assert!(are_same(&stacked, &placed([low, 2.0 * high]), &shapes));
+        assert!(are_same(&stacked, &placed([high, low]), &shapes));
+        assert!(!are_same(&stacked, &placed([low, beside]), &shapes));
+    }
 }

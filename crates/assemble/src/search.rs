@@ -64,10 +64,16 @@ impl AssemblySearch {
             shapes: &shapes,
             request: &self.request,
         };
-        let assemblies = reporter.reports(&found, monitor);
+        let mut assemblies = reporter.reports(&found, monitor);
+        let margin = match &assemblies[..] {
+            [best, next, ..] => Some(best.score - next.score),
+            _ => None,
+        };
+        assemblies.truncate(self.request.top);
         let first = |shape: usize| shapes[shape].parts[0].part;
         Ok(AssemblyResult {
             assemblies,
+            margin,
             shapes: (shapes.iter())
                 .map(|s| s.parts.iter().map(|m| m.part).collect())
                 .collect(),

@@ -59,3 +59,4 @@ pub use solids::draft::SceneDraft;
 pub use solids::error::ImportError;
 pub use solids::mjcf::geom::MujocoOptions;
 pub use solids::solid_set::{PlacedSolid, SolidOptions, SolidSet};
+pub use solids::write::unique_name;

@@ -11,7 +11,7 @@ use pegfit_assemble::{
 };
 use pegfit_path::PathResult;
 use pegfit_scene::poses::pose_fields;
-use pegfit_scene::{SolidOptions, SolidSet};
+use pegfit_scene::{SolidOptions, SolidSet, unique_name};
 use sdf_grid::mesh_io::{MeshFile, ReadOptions};
 use sdf_grid::{LengthUnit, TriangleMesh, atomic};
 use serde::Serialize;
@@ -81,7 +81,7 @@ fn read_parts(args: &AssembleArgs) -> Result<(Vec<LoosePart>, LengthUnit), Comma
         unit = unit.or(stated);
         for (name, mesh) in solids {
             parts.push(LoosePart {
-                name: unique(&mut names, &name),
+                name: unique_name(&mut names, &name),
                 mesh: Arc::new(mesh),
             });
         }
@@ -155,16 +155,6 @@ fn files(named: &[PathBuf]) -> Result<Vec<PathBuf>, CommandError> {
         found.extend(inside);
     }
     Ok(found)
-}
-
-/// `name`, or with a number after it if another part has it.
-fn unique(names: &mut BTreeSet<String>, name: &str) -> String {
-    let numbered = (2..).map(|n| format!("{name} {n}"));
-    let mut candidates = std::iter::once(name.to_owned()).chain(numbered);
-    // The candidates never end.
-    let free = candidates.find(|c| !names.contains(c)).unwrap_or_default();
-    names.insert(free.clone());
-    free
 }
 
 fn request(args: &AssembleArgs, names: &[String]) -> Result<AssemblyRequest, CommandError> {
@@ -330,10 +320,7 @@ impl AssemblyReport {
 
 /// Whether the best assembly is clearly better than the next.
 fn is_certain(found: &AssemblyResult) -> bool {
-    match &found.assemblies[..] {
-        [best, next, ..] => best.score - next.score > CERTAIN,
-        _ => true,
-    }
+    found.margin.is_none_or(|margin| margin > CERTAIN)
 }
 
 /// The steps in which an assembly goes together: words, what moves, what stays, and the path in.
@@ -431,10 +418,9 @@ fn print(found: &AssemblyResult, names: &[String], scene: &Path) {
         }
         None => say!("not taken apart: no order is known"),
     }
-    if !is_certain(found) {
+    if let (Some(margin), false) = (found.margin, is_certain(found)) {
         say!(
-            "Not certain: another assembly is nearly as good (score {:.1}); see the report.",
-            found.assemblies[1].score
+            "Not certain: another assembly is worth only {margin:.1} less; see the report, --top 3."
         );
     }
     say!(

@@ -30,7 +30,7 @@ impl SceneDraft<'_> {
         let mut names = BTreeSet::new();
         let parts = self.set.parts(&self.fixed, self.separate).into_iter();
         let named = parts.map(|list| {
-            let name = unique(&mut names, &self.named(&list));
+            let name = unique_name(&mut names, &self.named(&list));
             (name, list)
         });
         named.collect()
@@ -47,8 +47,8 @@ impl SceneDraft<'_> {
     }
 }
 
-/// `name`, or with a number after it if it was there before.
-fn unique(names: &mut BTreeSet<String>, name: &str) -> String {
+/// `name`, or with a number after it if it is among `names`; the answer is added to them.
+pub fn unique_name(names: &mut BTreeSet<String>, name: &str) -> String {
     let numbered = (2..).map(|n| format!("{name} {n}"));
     let mut candidates = std::iter::once(name.to_owned()).chain(numbered);
     // The candidates never end.
@@ -174,7 +174,7 @@ impl<'a> Writer<'a> {
         } else {
             name
         };
-        let name = unique(&mut self.names, &name).replace(' ', "-");
+        let name = unique_name(&mut self.names, &name).replace(' ', "-");
         let folder = self.folder.join(&self.parts);
         std::fs::create_dir_all(&folder).map_err(|source| AtomicError {
             path: folder.clone(),

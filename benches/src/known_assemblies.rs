@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 use std::sync::Arc;
 
+use fft_correlate::mating::{MatingSearch, MatingSearchOptions};
 use fft_correlate::{Pose, symmetry_group};
 use glam::DVec3;
 use pegfit_assemble::{Assembly, LoosePart};
@@ -98,6 +99,18 @@ impl Verdict {
     pub fn is_right(&self) -> bool {
         self.wrong.is_empty() && self.strangers == 0
     }
+}
+
+/// How well contact holds the parts where they belong, as the search counts it: each in the rest,
+/// halved, nats.
+pub fn known_score(known: &KnownAssembly) -> f64 {
+    let held = |i: usize| {
+        let others = known.parts.iter().enumerate().filter(|(j, _)| *j != i);
+        let rest = TriangleMesh::joined(others.map(|(_, part)| &part.mesh));
+        let search = MatingSearch::new(&rest, &known.parts[i].mesh, MatingSearchOptions::default());
+        search.measure(&Pose::IDENTITY).rank
+    };
+    0.5 * (0..known.parts.len()).map(held).sum::<f64>()
 }
 
 /// A surface where it was found.

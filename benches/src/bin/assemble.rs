@@ -13,7 +13,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use pegfit_assemble::{AssemblyRequest, AssemblyResult, AssemblySearch};
-use pegfit_benches::known_assemblies::{Verdict, judge, read, scattered};
+use pegfit_benches::known_assemblies::{Verdict, judge, known_score, read, scattered};
 use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome};
 use pegfit_fixtures::{KnownAssembly, known_assembly, known_assembly_names};
@@ -104,8 +104,10 @@ fn line(result: &AssemblyResult, verdict: &Verdict, known: &KnownAssembly) -> St
             String::new()
         } else {
             format!(
-                " (wrong: {:?}, strangers {})",
-                verdict.wrong, verdict.strangers
+                " (wrong: {:?}, strangers {}; where they belong {:.1} nats)",
+                verdict.wrong,
+                verdict.strangers,
+                known_score(known),
             )
         },
         best.score,

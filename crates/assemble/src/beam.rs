@@ -26,6 +26,11 @@ const ALIKE: usize = 6;
 /// Parts of one shape that are placed together share this much of their volume at most.
 const SHARED: f64 = 1e-3;
 
+/// Subassemblies are followed that promise at most so much less than the best, nats; of so many
+/// choices of parts.
+const FOLLOWED: f64 = 12.0;
+const SETS: usize = 3;
+
 /// Axes that come so near each other are meant to lie on one line, diagonals.
 const ON_AXIS: f64 = 0.01;
 
@@ -141,23 +146,30 @@ impl Beam<'_> {
             state.score + (0..self.shapes.len()).map(left).sum::<f64>()
         };
         found.sort_by(|a, b| promise(b).total_cmp(&promise(a)));
-        let mut kept: Vec<Subassembly> = Vec::new();
-        for state in found {
-            if kept.len() == self.width {
-                break;
-            }
-            let parts = |s: &Subassembly| {
-                (0..self.shapes.len())
-                    .map(|i| s.count(i))
-                    .collect::<Vec<_>>()
+        let best = found.first().map_or(0.0, promise);
+        let parts = |s: &Subassembly| {
+            (0..self.shapes.len())
+                .map(|i| s.count(i))
+                .collect::<Vec<_>>()
+        };
+        // Subassemblies by the parts they have.
+        let mut kept: Vec<(Vec<usize>, Vec<Subassembly>)> = Vec::new();
+        for state in found.into_iter().filter(|s| promise(s) > best - FOLLOWED) {
+            let of = parts(&state);
+            let at = kept.iter().position(|(parts, _)| *parts == of);
+            let Some(at) = at.or_else(|| (kept.len() < SETS).then_some(kept.len())) else {
+                continue;
             };
-            let of_same_parts = kept.iter().filter(|k| parts(k) == parts(&state)).count();
-            let full = of_same_parts >= self.width.div_ceil(2);
-            if !full && !kept.iter().any(|k| are_same(k, &state, self.shapes)) {
-                kept.push(state);
+            if at == kept.len() {
+                kept.push((of, Vec::new()));
+            }
+            let same = &mut kept[at].1;
+            let known = same.iter().any(|k| are_same(k, &state, self.shapes));
+            if same.len() < self.width && !known {
+                same.push(state);
             }
         }
-        kept
+        kept.into_iter().flat_map(|(_, states)| states).collect()
     }
 
     /// The best of some subassemblies, without those that are the same.

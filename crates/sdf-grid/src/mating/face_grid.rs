@@ -35,7 +35,17 @@ const LOCKS: usize = 64;
 /// How far beside a face a line may pass and still meet it, reaches.
 const BESIDE: f64 = 1e-6;
 
+/// Cells along each edge of a block, as a power of two.
+const BLOCK: u32 = 4;
+
 type Key = [i32; 3];
+
+/// A cell, and the faces within reach of it.
+#[derive(Clone, Copy)]
+struct CellFaces<'a> {
+    cell: &'a Cell,
+    faces: &'a [u32],
+}
 
 /// A surface that is asked what lies near a point: opposite faces along a normal, and depth.
 ///
@@ -58,9 +68,8 @@ pub struct FaceGrid {
     sine: f64,
     origin: DVec3,
     size: DVec3,
-    /// Every cell with faces within reach.
-    cells: FxHashMap<Key, Cell>,
-    list: Vec<u32>,
+    /// Every block of cells with faces within reach.
+    blocks: FxHashMap<Key, Block>,
     faces: Vec<GridFace>,
     bvh: Bvh,
     /// Faces that parts list.
@@ -69,9 +78,26 @@ pub struct FaceGrid {
     inside: Vec<RwLock<FxHashMap<Key, bool>>>,
 }
 
+/// A cube of cells, which are made when one of them is first asked for: most questions are about few
+/// places of a large part.
+#[derive(Debug, Default)]
+struct Block {
+    /// Faces within reach of it.
+    faces: Vec<u32>,
+    cells: OnceLock<BlockCells>,
+}
+
+#[derive(Debug)]
+struct BlockCells {
+    /// Every cell with faces within reach.
+    cells: FxHashMap<Key, Cell>,
+    /// Faces of all cells.
+    list: Vec<u32>,
+}
+
 #[derive(Debug)]
 struct Cell {
-    /// Range of the grid's list of faces within reach.
+    /// Range of its block's list of faces within reach.
     first: u32,
     last: u32,
     /// Signed distances of the middles of its parts, units, as far as they have been asked for.
@@ -127,19 +153,79 @@ impl FaceGrid {
             sine: (1.0 - cosine * cosine).sqrt(),
             origin: bounds.min,
             size: bounds.size(),
-            cells: FxHashMap::default(),
-            list: Vec::new(),
+            blocks: FxHashMap::default(),
             faces,
             bvh: Bvh::build(mesh),
             listed: AtomicUsize::new(0),
             inside: (0..LOCKS).map(|_| RwLock::default()).collect(),
         };
-        let mut entries: Vec<(Key, u32)> = Vec::new();
+        let mut blocks: FxHashMap<Key, Block> = FxHashMap::default();
         for (index, face) in grid.faces.iter().enumerate() {
-            grid.visit_cells(face, |key| entries.push((key, index as u32)));
+            let range = grid.range(face).map(|key| key.map(|k| k >> BLOCK));
+            grid.visit(face, f64::from(1 << BLOCK) * cell, range, |key| {
+                blocks.entry(key).or_default().faces.push(index as u32);
+            });
+        }
+        grid.blocks = blocks;
+        grid
+    }
+
+    /// First and last cells of the box around a face, widened by the reach.
+    fn range(&self, face: &GridFace) -> [Key; 2] {
+        let [a, b, c] = face.corners;
+        [
+            self.key(a.min(b).min(c) - self.reach),
+            self.key(a.max(b).max(c) + self.reach),
+        ]
+    }
+
+    /// Calls `found` with every cube of a range, edges `size` long (metres), that the face, widened by
+    /// the reach, may touch.
+    fn visit(&self, face: &GridFace, size: f64, [low, high]: [Key; 2], mut found: impl FnMut(Key)) {
+        let far = (1.0 + 1e-9) * (self.reach + 0.5 * size * 3f64.sqrt());
+        let middle = |[x, y, z]: Key| {
+            let cube = DVec3::new(f64::from(x), f64::from(y), f64::from(z));
+            self.origin + (cube + 0.5) * size
+        };
+        // Columns along the axis that is most normal to the face meet its plane in few cubes.
+        let mut key = [0; 3];
+        let steep = face.normal.abs();
+        let along = (0..3).fold(0, |k, i| if steep[i] > steep[k] { i } else { k });
+        let [u, v] = [(along + 1) % 3, (along + 2) % 3];
+        for x in low[u]..=high[u] {
+            for y in low[v]..=high[v] {
+                (key[along], key[u], key[v]) = (0, x, y);
+                let foot = face.height(middle(key)) / (size * face.normal[along]);
+                let half = far / (size * steep[along]);
+                let from = ((-foot - half).floor() as i32).max(low[along]);
+                let to = ((-foot + half).ceil() as i32).min(high[along]);
+                for z in from..=to {
+                    key[along] = z;
+                    let middle = middle(key);
+                    if face.height(middle).abs() <= far && face.covers(middle, far) {
+                        found(key);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The cells of a block.
+    fn cells(&self, block: Key, faces: &[u32]) -> BlockCells {
+        let first = block.map(|k| k << BLOCK);
+        let last = first.map(|k| k + (1 << BLOCK) - 1);
+        let mut entries: Vec<(Key, u32)> = Vec::new();
+        for &index in faces {
+            let face = &self.faces[index as usize];
+            let [low, high] = self.range(face);
+            let low = std::array::from_fn(|i| low[i].max(first[i]));
+            let high = std::array::from_fn(|i| high[i].min(last[i]));
+            self.visit(face, self.cell, [low, high], |key| {
+                entries.push((key, index));
+            });
         }
         entries.sort_unstable();
-        grid.list = entries.iter().map(|e| e.1).collect();
+        let mut cells = FxHashMap::default();
         let mut first = 0;
         while first < entries.len() {
             let key = entries[first].0;
@@ -151,39 +237,23 @@ impl FaceGrid {
                 met: OnceLock::new(),
                 nearest: OnceLock::new(),
             };
-            grid.cells.insert(key, cell);
+            cells.insert(key, cell);
             first = last;
         }
-        grid
+        BlockCells {
+            cells,
+            list: entries.iter().map(|e| e.1).collect(),
+        }
     }
 
-    /// Calls `found` with every cell that the face, widened by the reach, may touch.
-    fn visit_cells(&self, face: &GridFace, mut found: impl FnMut(Key)) {
-        let [a, b, c] = face.corners;
-        let low = self.key(a.min(b).min(c) - self.reach);
-        let high = self.key(a.max(b).max(c) + self.reach);
-        let far = self.reach + 0.5 * self.cell * 3f64.sqrt();
-        // Columns along the axis that is most normal to the face meet its plane in few cells.
-        let steep = face.normal.abs();
-        let along = (0..3).fold(0, |k, i| if steep[i] > steep[k] { i } else { k });
-        let [u, v] = [(along + 1) % 3, (along + 2) % 3];
-        let mut key = [0; 3];
-        for x in low[u]..=high[u] {
-            for y in low[v]..=high[v] {
-                (key[along], key[u], key[v]) = (0, x, y);
-                let foot = face.height(self.middle(key)) / (self.cell * face.normal[along]);
-                let half = far / (self.cell * steep[along]);
-                let from = ((-foot - half).floor() as i32).max(low[along]);
-                let to = ((-foot + half).ceil() as i32).min(high[along]);
-                for z in from..=to {
-                    key[along] = z;
-                    let middle = self.middle(key);
-                    if face.height(middle).abs() <= far && face.covers(middle, far) {
-                        found(key);
-                    }
-                }
-            }
-        }
+    /// A cell with faces within reach.
+    fn cell(&self, key: Key) -> Option<CellFaces<'_>> {
+        let of = key.map(|k| k >> BLOCK);
+        let block = self.blocks.get(&of)?;
+        let found = block.cells.get_or_init(|| self.cells(of, &block.faces));
+        let cell = found.cells.get(&key)?;
+        let faces = &found.list[cell.first as usize..cell.last as usize];
+        Some(CellFaces { cell, faces })
     }
 
     fn key(&self, p: DVec3) -> Key {
@@ -195,10 +265,6 @@ impl FaceGrid {
     fn middle(&self, [x, y, z]: Key) -> DVec3 {
         let cell = DVec3::new(f64::from(x), f64::from(y), f64::from(z));
         self.origin + (cell + 0.5) * self.cell
-    }
-
-    fn faces(&self, cell: &Cell) -> &[u32] {
-        &self.list[cell.first as usize..cell.last as usize]
     }
 
     /// The part of a cell that a point lies in.
@@ -214,9 +280,9 @@ impl FaceGrid {
     }
 
     /// The faces of a cell that lines through a part of it may meet within the reach.
-    fn met<'a>(&'a self, cell: &'a Cell, part: Part) -> &'a [u32] {
+    fn met<'a>(&self, cell: CellFaces<'a>, part: Part) -> &'a [u32] {
         let (radius, tangent) = (self.part_radius(), self.sine / self.cosine);
-        self.listed(cell, &cell.met, part, |face| {
+        self.listed(cell, &cell.cell.met, part, |face| {
             let height = face.height(part.middle).abs();
             // A line passes beside its point's foot by as much as it leans.
             let beside = (tangent * (height + radius)).min(self.sine * self.reach);
@@ -225,13 +291,13 @@ impl FaceGrid {
     }
 
     /// The faces of a cell that may be nearest to points of a part of it.
-    fn nearest<'a>(&'a self, cell: &'a Cell, part: Part) -> &'a [u32] {
+    fn nearest<'a>(&self, cell: CellFaces<'a>, part: Part) -> &'a [u32] {
         let distance = (f64::from(self.units(cell, part)).abs() + 0.5) * UNIT * self.reach;
         if distance + self.part_radius() > self.reach {
-            return self.faces(cell);
+            return cell.faces;
         }
         let far = distance + 2.0 * self.part_radius();
-        self.listed(cell, &cell.nearest, part, |face| {
+        self.listed(cell, &cell.cell.nearest, part, |face| {
             let height = face.height(part.middle);
             height.abs() <= far && face.distance(part.middle, height) <= far
         })
@@ -239,18 +305,18 @@ impl FaceGrid {
 
     /// The faces of a cell that a condition lists for a part of it; the condition is always the same.
     fn listed<'a>(
-        &'a self,
-        cell: &'a Cell,
+        &self,
+        cell: CellFaces<'a>,
         lists: &'a PartLists,
         part: Part,
         condition: impl Fn(&GridFace) -> bool,
     ) -> &'a [u32] {
         if self.listed.load(Relaxed) > LISTED {
-            return self.faces(cell);
+            return cell.faces;
         }
         let none = || Box::new([const { OnceLock::new() }; ALL_PARTS]);
         lists.get_or_init(none)[part.index].get_or_init(|| {
-            let faces = self.faces(cell).iter();
+            let faces = cell.faces.iter();
             let list: Box<[u32]> = faces
                 .filter(|index| condition(&self.faces[**index as usize]))
                 .copied()
@@ -266,12 +332,12 @@ impl FaceGrid {
     }
 
     /// The signed distance of a part's middle, units.
-    fn units(&self, cell: &Cell, Part { index, middle }: Part) -> i8 {
+    fn units(&self, cell: CellFaces<'_>, Part { index, middle }: Part) -> i8 {
         let unknown = || Box::new(std::array::from_fn(|_| AtomicI8::new(UNKNOWN)));
-        let distances = cell.distances.get_or_init(unknown);
+        let distances = cell.cell.distances.get_or_init(unknown);
         match distances[index].load(Relaxed) {
             UNKNOWN => {
-                let distance = self.signed_distance(middle, self.faces(cell));
+                let distance = self.signed_distance(middle, cell.faces);
                 let found = (distance / (UNIT * self.reach)).round();
                 let found = found.clamp(-127.0, 127.0) as i8;
                 distances[index].store(found, Relaxed);
@@ -282,7 +348,7 @@ impl FaceGrid {
     }
 
     /// The least and the largest signed distance that a point of a part may have, metres.
-    fn bounds(&self, cell: &Cell, part: Part, p: DVec3) -> [f64; 2] {
+    fn bounds(&self, cell: CellFaces<'_>, part: Part, p: DVec3) -> [f64; 2] {
         let (unit, units) = (UNIT * self.reach, self.units(cell, part));
         let room = p.distance(part.middle) + 0.5 * unit;
         let distance = f64::from(units) * unit;
@@ -320,7 +386,7 @@ impl FaceGrid {
         let mut best: Option<OppositeFace> = None;
         let mut least = behind.max(ahead);
         let key = self.key(p);
-        let cell = self.cells.get(&key)?;
+        let cell = self.cell(key)?;
         let part = self.part(key, p);
         let [low, high] = self.bounds(cell, part, p);
         if low > least || high < -least {
@@ -353,7 +419,7 @@ impl FaceGrid {
             return false;
         }
         let key = self.key(p);
-        let Some(cell) = self.cells.get(&key) else {
+        let Some(cell) = self.cell(key) else {
             return self.is_inside(key, p);
         };
         let part = self.part(key, p);
@@ -413,7 +479,7 @@ impl FaceGrid {
         let nearest = self.bvh.nearest(p);
         let away = (p - nearest.point).clamp_length_max(0.5 * self.reach);
         let q = nearest.point + away;
-        let faces = self.cells.get(&self.key(q)).map(|cell| self.faces(cell));
+        let faces = self.cell(self.key(q)).map(|cell| cell.faces);
         (self.signed_distance_near(q, faces.unwrap_or_default())).is_some_and(|d| d < 0.0)
     }
 }

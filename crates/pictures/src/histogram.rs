@@ -1,11 +1,11 @@
 //! Counts over a logarithmic axis.
 
+use plotters::coord::combinators::BindKeyPoints;
 use plotters::prelude::*;
 
-use crate::canvas::GRID;
-use crate::canvas::{Area, Drawing, FAINT, INK, PAPER, text, text_size};
-use crate::colour::SERIES;
+use crate::canvas::{Area, Drawing};
 use crate::number::number;
+use crate::rules::{FAINT, GRID, INK, PAPER, SERIES, log_ticks, text, text_size, tick_count};
 
 /// Counts in bins; both axes are logarithmic.
 #[derive(Debug, Clone, Default)]
@@ -36,14 +36,17 @@ impl Histogram {
             _ => (1.0, 10.0),
         };
         let most = self.bins.iter().map(|b| b.2).max().unwrap_or(1).max(1);
+        let (width, height) = panel.dim_in_pixel();
+        let ([low, high], across) = log_ticks(low, high, tick_count(width, size, 6));
+        let ([_, top], up) = log_ticks(1.0, 1.3 * most as f64, tick_count(height, size, 3));
         let mut chart = ChartBuilder::on(panel)
             .margin(size)
             .margin_top(size / 2)
             .x_label_area_size(3 * size)
             .y_label_area_size(4 * size + size / 2)
             .build_cartesian_2d(
-                (low..high).log_scale(),
-                (FLOOR..1.3 * most as f64).log_scale(),
+                (low..high).log_scale().with_key_points(across.clone()),
+                (FLOOR..top).log_scale().with_key_points(up.clone()),
             )?;
         chart
             .configure_mesh()
@@ -53,8 +56,8 @@ impl Histogram {
             .axis_style(FAINT)
             .x_desc(&self.horizontal)
             .y_desc(&self.vertical)
-            .x_labels(12)
-            .y_labels(6)
+            .x_labels(across.len())
+            .y_labels(up.len())
             .x_label_formatter(&|v| number(*v, 3))
             .y_label_formatter(&|v| number(*v, 3))
             .label_style(text(size, INK))
@@ -84,6 +87,17 @@ mod tests {
             assert!(!text.contains("NaN") && !text.contains("inf"), "{text}");
             text.matches("<rect").count()
         };
+        let few = Histogram {
+            bins: vec![(7.9, 10.0, 3)],
+            ..Histogram::default()
+        };
+        let text = svg("test", (960, 220), |sheet| few.draw(sheet)).unwrap();
+        for label in ["5", "10", "1", "2"] {
+            let there = text
+                .split("</text>")
+                .any(|t| t.trim_end().ends_with(&format!("\n{label}")));
+            assert!(there, "no tick {label}: {text}");
+        }
         assert_eq!(bars(&[]), 0);
         assert_eq!(bars(&[(1.0, 2.0, 5), (2.0, 4.0, 0), (4.0, 8.0, 1)]), 2);
     }

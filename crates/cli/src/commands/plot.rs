@@ -43,9 +43,7 @@ pub(in crate::commands) fn run(args: &PlotArgs, context: &Context) -> Result<(),
         PlotKind::Score => {
             score_surface(&scenes::load_in_window(scene, context)?, plane)?.png(SCORE)?
         }
-        PlotKind::Energy => {
-            curve(&scenes::load_in_window(scene, context)?, motion)?.png(CURVE)?
-        }
+        PlotKind::Energy => curve(&scenes::load_in_window(scene, context)?, motion)?.png(CURVE)?,
         PlotKind::Force => both_tests(&scenes::load(scene, context)?, context)?.png(TESTS)?,
         PlotKind::Well => {
             let assembly = scenes::load_in_window(scene, context)?;

@@ -410,7 +410,9 @@ fn charts(report: &PathReport) -> Option<[LineChart; 2]> {
             .collect(),
         ..Series::default()
     };
-    let energy = curve("", Quantity::Energy, |p| 1e3 * p.response.unwrap_or_default().energy);
+    let energy = curve("", Quantity::Energy, |p| {
+        1e3 * p.response.unwrap_or_default().energy
+    });
     let force = curve("force (N)", Quantity::Force, |p| {
         p.response.unwrap_or_default().wrench.force.length()
     });

@@ -76,7 +76,9 @@ async function recording(server, page) {
     const second = await open(server.url);
     assert((await frame(second)).isRecording, "recorded before its page was closed");
     await page.close();
+    const closed = Date.now();
     await until(second, "its end", (now) => !now.isRecording);
+    assert(Date.now() - closed < 10_000, "it went on until its tape was full");
     console.log("a recording ends with its page");
     await second.close();
 }
@@ -121,6 +123,7 @@ export async function loading() {
             stage: window.pegfit.stage()?.stage,
         });
         setInterval(note, 10);
+        new MutationObserver(note).observe(document.getElementById("felt"), { attributes: true });
     });
     await page.getByRole("button", { name: "combined" }).click();
     await until(page, "the next pair", (now) => now.stage === 2);

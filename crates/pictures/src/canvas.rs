@@ -4,11 +4,9 @@ use std::sync::Once;
 
 use plotters::coord::Shift;
 use plotters::prelude::{
-    BitMapBackend, DrawingArea, DrawingBackend, FontStyle, IntoDrawingArea, SVGBackend,
+    BitMapBackend, DrawingArea, DrawingBackend, FontStyle, IntoDrawingArea, RGBColor, SVGBackend,
 };
 use plotters::style::register_font;
-
-use crate::rules::{FACE, INK, PAPER, centred, text_size};
 
 /// A rectangle of a sheet, of pixels or of lines.
 pub type Area<DB> = DrawingArea<DB, Shift>;
@@ -21,6 +19,12 @@ pub type DrawingError = Box<dyn std::error::Error + Send + Sync>;
 
 /// What a drawing function returns; any drawing error is kept as text.
 pub type Drawing = Result<(), DrawingError>;
+
+/// The name under which the built-in face is registered.
+pub(crate) const FACE: &str = "pegfit-sans";
+
+/// The sheet.
+pub(crate) const PAPER: RGBColor = RGBColor(255, 255, 255);
 
 /// Pictures are drawn this many times larger and averaged down, for smooth slanted lines.
 const OVERSAMPLE: u32 = 2;
@@ -126,30 +130,6 @@ pub(crate) const fn stroke(pixels: u32) -> u32 {
     pixels * OVERSAMPLE
 }
 
-/// Draws a centred title, if there is one, at the top of a panel and returns what is left below it.
-///
-/// # Errors
-/// If the drawing library refuses.
-pub(crate) fn titled<DB: DrawingBackend>(
-    panel: &Area<DB>,
-    title: &str,
-) -> Result<Area<DB>, DrawingError>
-where
-    DB::ErrorType: 'static,
-{
-    if title.is_empty() {
-        return Ok(panel.clone());
-    }
-    let size = text_size(panel);
-    let (top, rest) = panel.split_vertically(2 * size + size / 2);
-    let middle = (
-        panel.dim_in_pixel().0 as i32 / 2,
-        size as i32 + size as i32 / 3,
-    );
-    top.draw_text(title, &centred(size + size / 4, INK), middle)?;
-    Ok(rest)
-}
-
 fn encode(pixels: &[u8], width: u32, height: u32) -> Result<Vec<u8>, png::EncodingError> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, width, height);
@@ -193,12 +173,16 @@ pub struct PictureError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rules::text;
+    use plotters::style::{IntoFont, TextStyle};
+
+    fn style() -> TextStyle<'static> {
+        TextStyle::from((FACE, 12).into_font())
+    }
 
     #[test]
     fn a_sheet_becomes_a_png() {
         let bytes = png("test", (40, 30), |sheet| {
-            sheet.draw_text("x", &text(12, INK), (5, 5))?;
+            sheet.draw_text("x", &style(), (5, 5))?;
             Ok(())
         })
         .unwrap();
@@ -211,7 +195,7 @@ mod tests {
     #[test]
     fn a_sheet_becomes_an_svg() {
         let text = svg("test", (40, 30), |sheet| {
-            sheet.draw_text("a < b", &text(12, INK), (5, 5))?;
+            sheet.draw_text("a < b", &style(), (5, 5))?;
             Ok(())
         })
         .unwrap();

@@ -7,10 +7,10 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use crate::canvas::{Drawing, Panel, stroke, titled};
+use crate::canvas::{Drawing, Panel, stroke};
 use crate::colour::ColourScale;
 use crate::number::number;
-use crate::rules::{FAINT, INK, centred, round_ticks, text, text_size, tick, tick_count};
+use crate::rules::{FAINT, INK, centred, round_ticks, text, text_size, tick, tick_count, titled};
 
 /// Values over a rectangle, drawn as colours.
 #[derive(Debug, Clone)]

@@ -3,9 +3,9 @@
 use plotters::coord::combinators::BindKeyPoints;
 use plotters::prelude::*;
 
-use crate::canvas::{Area, Drawing};
+use crate::canvas::{Area, Drawing, PAPER};
 use crate::number::number;
-use crate::rules::{FAINT, GRID, INK, PAPER, SERIES, log_ticks, text, text_size, tick_count};
+use crate::rules::{FAINT, GRID, INK, SERIES, log_ticks, text, text_size, tick_count};
 
 /// Counts in bins; both axes are logarithmic.
 #[derive(Debug, Clone, Default)]

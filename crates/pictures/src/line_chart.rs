@@ -4,11 +4,11 @@ use plotters::coord::combinators::{BindKeyPoints, WithKeyPoints};
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
-use crate::canvas::{Area, Drawing, stroke, titled};
+use crate::canvas::{Area, Drawing, PAPER, stroke};
 use crate::number::number;
 use crate::rules::{
-    Entry, FAINT, FORCE, GRID, INK, PAPER, Quantity, SERIES, are_whole, legend, log_ticks,
-    round_ticks, text, text_size, tick, tick_count, whole_ticks,
+    Entry, FAINT, FORCE, GRID, INK, Quantity, SERIES, are_whole, legend, log_ticks, round_ticks,
+    text, text_size, tick, tick_count, titled, whole_ticks,
 };
 
 /// Curves over a common axis.

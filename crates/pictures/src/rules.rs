@@ -4,7 +4,7 @@ use plotters::prelude::{DrawingBackend, PathElement, RGBColor, Rectangle};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, IntoFont, TextStyle};
 
-use crate::canvas::{Area, DrawingError, stroke};
+use crate::canvas::{Area, DrawingError, FACE, stroke};
 use crate::number::number;
 
 /// Colours by name for pages, as custom properties of CSS with a dark form each.
@@ -19,11 +19,9 @@ pub(crate) const FORCE: RGBColor = RGBColor(211, 60, 47);
 /// Torques.
 pub(crate) const TORQUE: RGBColor = RGBColor(124, 77, 189);
 /// Energies.
-pub(crate) const ENERGY: RGBColor = RGBColor(15, 138, 114);
+pub(crate) const ENERGY: RGBColor = RGBColor(12, 122, 101);
 /// Grid lines.
 pub(crate) const GRID: RGBColor = RGBColor(226, 232, 240);
-/// The sheet.
-pub(crate) const PAPER: RGBColor = RGBColor(255, 255, 255);
 
 /// Most curves of a chart: more cannot be told apart.
 pub const MOST_SERIES: usize = 8;
@@ -71,9 +69,6 @@ pub(crate) fn text_size<DB: DrawingBackend>(panel: &Area<DB>) -> u32 {
     (height.min(width) / 32).clamp(stroke(TYPE.0), stroke(TYPE.1))
 }
 
-/// The name under which the built-in face is registered.
-pub(crate) const FACE: &str = "pegfit-sans";
-
 /// Text of `size` pixels in the built-in face.
 pub(crate) fn text(size: u32, colour: RGBColor) -> TextStyle<'static> {
     let mut style = TextStyle::from((FACE, size).into_font());
@@ -84,6 +79,30 @@ pub(crate) fn text(size: u32, colour: RGBColor) -> TextStyle<'static> {
 /// The same, anchored by its middle.
 pub(crate) fn centred(size: u32, colour: RGBColor) -> TextStyle<'static> {
     text(size, colour).pos(Pos::new(HPos::Center, VPos::Center))
+}
+
+/// Draws a centred title, if there is one, at the top of a panel and returns what is left below it.
+///
+/// # Errors
+/// If the drawing library refuses.
+pub(crate) fn titled<DB: DrawingBackend>(
+    panel: &Area<DB>,
+    title: &str,
+) -> Result<Area<DB>, DrawingError>
+where
+    DB::ErrorType: 'static,
+{
+    if title.is_empty() {
+        return Ok(panel.clone());
+    }
+    let size = text_size(panel);
+    let (top, rest) = panel.split_vertically(2 * size + size / 2);
+    let middle = (
+        panel.dim_in_pixel().0 as i32 / 2,
+        size as i32 + size as i32 / 3,
+    );
+    top.draw_text(title, &centred(size + size / 4, INK), middle)?;
+    Ok(rest)
 }
 
 /// About so many ticks stand on an axis of `pixels` in type of `size`, with labels of `letters`.
@@ -232,7 +251,7 @@ where
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canvas::svg;
+    use crate::canvas::{PAPER, svg};
 
     #[test]
     fn pictures_and_pages_have_the_same_colours() {

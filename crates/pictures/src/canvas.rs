@@ -4,7 +4,7 @@ use std::sync::Once;
 
 use plotters::coord::Shift;
 use plotters::prelude::{
-    BitMapBackend, DrawingArea, DrawingBackend, FontStyle, IntoDrawingArea, RGBColor, SVGBackend,
+    BitMapBackend, DrawingArea, FontStyle, IntoDrawingArea, RGBColor, SVGBackend,
 };
 use plotters::style::register_font;
 

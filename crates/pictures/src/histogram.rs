@@ -1,11 +1,10 @@
 //! Counts over a logarithmic axis.
 
-use plotters::coord::combinators::BindKeyPoints;
 use plotters::prelude::*;
 
+use crate::axis::Axis;
 use crate::canvas::{Area, Drawing, PAPER};
-use crate::number::number;
-use crate::rules::{FAINT, GRID, INK, SERIES, log_ticks, text, text_size, tick_count};
+use crate::rules::{FAINT, GRID, INK, SERIES, text, text_size, tick_count};
 
 /// Counts in bins; both axes are logarithmic.
 #[derive(Debug, Clone, Default)]
@@ -37,17 +36,15 @@ impl Histogram {
         };
         let most = self.bins.iter().map(|b| b.2).max().unwrap_or(1).max(1);
         let (width, height) = panel.dim_in_pixel();
-        let ([low, high], across) = log_ticks(low, high, tick_count(width, size, 6));
-        let ([_, top], up) = log_ticks(1.0, 1.3 * most as f64, tick_count(height, size, 3));
+        let across = Axis::logarithmic([low, high], tick_count(width, size, 6));
+        let mut up = Axis::logarithmic([1.0, 1.3 * most as f64], tick_count(height, size, 3));
+        up.range[0] = FLOOR.log10();
         let mut chart = ChartBuilder::on(panel)
             .margin(size)
             .margin_top(size / 2)
             .x_label_area_size(3 * size)
             .y_label_area_size(4 * size + size / 2)
-            .build_cartesian_2d(
-                (low..high).log_scale().with_key_points(across.clone()),
-                (FLOOR..top).log_scale().with_key_points(up.clone()),
-            )?;
+            .build_cartesian_2d(across.clone(), up.clone())?;
         chart
             .configure_mesh()
             .disable_x_mesh()
@@ -56,16 +53,20 @@ impl Histogram {
             .axis_style(FAINT)
             .x_desc(&self.horizontal)
             .y_desc(&self.vertical)
-            .x_labels(across.len())
-            .y_labels(up.len())
-            .x_label_formatter(&|v| number(*v, 3))
-            .y_label_formatter(&|v| number(*v, 3))
+            .x_labels(across.ticks.len())
+            .y_labels(up.ticks.len())
+            .x_label_formatter(&|v| across.label(*v))
+            .y_label_formatter(&|v| up.label(*v))
             .label_style(text(size, INK))
             .axis_desc_style(text(size, INK))
             .draw()?;
         let filled = self.bins.iter().filter(|b| b.2 > 0);
         chart.draw_series(filled.map(|&(from, to, count)| {
-            Rectangle::new([(from, FLOOR), (to, count as f64)], SERIES[0].filled())
+            let ends = [(from, FLOOR), (to, count as f64)];
+            Rectangle::new(
+                ends.map(|(x, y)| (x.log10(), y.log10())),
+                SERIES[0].filled(),
+            )
         }))?;
         Ok(())
     }

@@ -6,6 +6,8 @@
 //! browser there are planes and skeletons as numbers only: the page draws.
 
 #[cfg(not(target_family = "wasm"))]
+mod axis;
+#[cfg(not(target_family = "wasm"))]
 mod canvas;
 #[cfg(not(target_family = "wasm"))]
 mod cloud;

@@ -1,14 +1,12 @@
 //! Curves over a common axis, and their reduction to what a chart can show.
 
-use plotters::coord::combinators::{BindKeyPoints, WithKeyPoints};
-use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
+use crate::axis::Axis;
 use crate::canvas::{Area, Drawing, PAPER, stroke};
-use crate::number::number;
 use crate::rules::{
-    Entry, FAINT, FORCE, GRID, INK, Quantity, SERIES, are_whole, legend, log_ticks, round_ticks,
-    text, text_size, tick, tick_count, titled, whole_ticks,
+    Entry, FAINT, FORCE, GRID, INK, Quantity, SERIES, are_whole, legend, text, text_size,
+    tick_count, titled,
 };
 
 /// Curves over a common axis.
@@ -57,49 +55,6 @@ pub struct Mark {
     pub label: String,
 }
 
-/// One axis: its range, where its ticks stand, and what is written there.
-struct Axis {
-    range: [f64; 2],
-    ticks: Vec<f64>,
-    logarithmic: bool,
-}
-
-impl Axis {
-    /// An axis that shows `range` on `pixels`; whole numbers only if the values are.
-    fn new(range: [f64; 2], whole: bool, logarithmic: bool, about: usize) -> Self {
-        let [low, high] = range;
-        if logarithmic {
-            let (range, ticks) = log_ticks(10f64.powf(low), 10f64.powf(high), about);
-            return Self {
-                range: range.map(f64::log10),
-                ticks: ticks.into_iter().map(f64::log10).collect(),
-                logarithmic,
-            };
-        }
-        let ticks = match whole {
-            true => whole_ticks(low, high, about),
-            false => round_ticks(low, high, about),
-        };
-        Self {
-            range,
-            ticks,
-            logarithmic,
-        }
-    }
-
-    fn label(&self, value: f64) -> String {
-        match self.logarithmic {
-            true => number(10f64.powf(value), 3),
-            false => tick(value, self.range),
-        }
-    }
-
-    fn coordinates(&self) -> WithKeyPoints<RangedCoordf64> {
-        let [low, high] = self.range;
-        (low..high).with_key_points(self.ticks.clone())
-    }
-}
-
 impl LineChart {
     /// Draws the chart into a panel.
     ///
@@ -120,7 +75,7 @@ impl LineChart {
             .margin_top(size / 2)
             .x_label_area_size(3 * size)
             .y_label_area_size(4 * size + size / 2)
-            .build_cartesian_2d(x.coordinates(), y.coordinates())?;
+            .build_cartesian_2d(x.clone(), y.clone())?;
         chart
             .configure_mesh()
             .light_line_style(PAPER.mix(0.0))
@@ -173,30 +128,24 @@ impl LineChart {
         };
         let [y0, y1] = spread(points().map(|p| p.1));
         let margin = (0.06 * (y1 - y0)).max(0.5 * (self.least_span - (y1 - y0)));
+        let axis = |range: [f64; 2], whole, logarithmic, about| match logarithmic {
+            true => Axis::logarithmic(range.map(|v| 10f64.powf(v)), about),
+            false => Axis::linear(range, whole, about),
+        };
+        let [x, y] = self.logarithmic;
         let whole = [
             are_whole(points().map(|p| p.0)),
             are_whole(points().map(|p| p.1)),
         ];
         [
-            Axis::new(
-                spread(points().map(|p| p.0)),
-                whole[0],
-                self.logarithmic[0],
-                across,
-            ),
-            Axis::new(
-                [y0 - margin, y1 + margin],
-                whole[1],
-                self.logarithmic[1],
-                up,
-            ),
+            axis(spread(points().map(|p| p.0)), whole[0], x, across),
+            axis([y0 - margin, y1 + margin], whole[1], y, up),
         ]
     }
 }
 
 /// A chart with both axes in numbers.
-type Chart<'a, DB> =
-    ChartContext<'a, DB, Cartesian2d<WithKeyPoints<RangedCoordf64>, WithKeyPoints<RangedCoordf64>>>;
+type Chart<'a, DB> = ChartContext<'a, DB, Cartesian2d<Axis, Axis>>;
 
 impl Mark {
     fn draw<DB: DrawingBackend>(

@@ -85,7 +85,7 @@ const signed = (value, digits) => {
 
 const SHADERS = [`
   attribute vec3 place, normal; uniform vec4 turn; uniform vec3 shift, middle;
-  uniform mat3 view; uniform vec3 scale; varying float light; varying float seen;
+  uniform mat3 view; uniform vec3 scale; varying float light;
   vec3 turned(vec4 q, vec3 v) { return v + 2.0 * cross(q.xyz, cross(q.xyz, v) + q.w * v); }
   void main() {
     vec3 p = view * (turned(turn, place) + shift - middle) * scale;
@@ -122,26 +122,8 @@ function colours() {
   };
 }
 
-function player(root) {
-  const data = JSON.parse(root.querySelector('script').textContent);
-  const canvas = root.querySelector('canvas');
-  const gl = canvas.getContext('webgl', { antialias: true });
-  const slider = root.querySelector('input[type=range]');
-  const said = root.querySelector('.said');
-  const ten = root.querySelector('input[type=checkbox]');
-  const button = root.querySelector('button');
-  const frames = data.acts.flatMap((act) => act.poses.map((pose) => ({ act, pose })));
-  slider.max = Math.max(0, frames.length - 1);
-  slider.step = 'any';
-  slider.value = data.start ?? 0;
-  // In which all of it is played, seconds.
-  const lasts = 4 * Math.max(1, data.acts.length);
-  const prog = gl && program(gl);
-  const at = (name) => gl.getUniformLocation(prog, name);
-  const shown = data.acts.length ? data.acts[0].staying : data.parts.map((_, part) => part);
-  const box = extent(shown.map((part) => data.parts[part]));
-  const size = Math.hypot(...[0, 1, 2].map((k) => box[1][k] - box[0][k]));
-  // What is in the picture: all parts at all poses, each as the ball about the middle of its box.
+/** What is in the picture: all parts at all poses, each as the ball about the middle of its box. */
+function reachOf(data, shown) {
   const balls = [];
   const ball = (part, pose) => {
     const [low, high] = extent([data.parts[part]]);
@@ -149,60 +131,59 @@ function player(root) {
     const there = turned(pose.slice(3), own).map((x, k) => x + pose[k]);
     balls.push([there, 0.5 * Math.hypot(...low.map((x, k) => high[k] - x))]);
   };
-  for (const part of shown) ball(part, [0, 0, 0, 0, 0, 0, 1]);
+  for (const part of shown) ball(part, STILL);
   for (const act of data.acts) {
     for (const { pose } of act.poses) for (const part of act.moving) ball(part, pose);
   }
-  const ends = (far) => [0, 1, 2].map((k) => far(...balls.map(([c, r]) => [c[k], r]).map(
-    ([x, r]) => (far === Math.min ? x - r : x + r))));
-  const [least, most] = [ends(Math.min), ends(Math.max)];
-  const middle = least.map((x, k) => 0.5 * (x + most[k]));
-  const reach = Math.max(0.5 * size, ...balls.map(([c, r]) =>
-    0.85 * (Math.hypot(...c.map((x, k) => x - middle[k])) + r)));
-  let zoom = 0.48 / reach;
-  let [yaw, pitch] = [0.7, -1.15];
-  const buffers = gl ? data.parts.map((surface) => flat(surface).map((values) => {
-    const buffer = gl.createBuffer();
-    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-    gl.bufferData(gl.ARRAY_BUFFER, values, gl.STATIC_DRAW);
-    return { buffer, count: values.length / 6 };
-  })) : [];
+  const middle = [0, 1, 2].map((k) => 0.5 * (Math.min(...balls.map(([c, r]) => c[k] - r))
+    + Math.max(...balls.map(([c, r]) => c[k] + r))));
+  const far = ([c, r]) => Math.hypot(...c.map((x, k) => x - middle[k])) + r;
+  // Balls are larger than what is in them.
+  return [middle, 0.85 * Math.max(...balls.map(far))];
+}
 
-  function paint(part, pose, [face, edge]) {
-    for (const [kind, { buffer, count }] of buffers[part].entries()) {
+const STILL = [0, 0, 0, 0, 0, 0, 1];
+
+/** Surfaces on the graphics card. */
+class Picture {
+  constructor(canvas, data) {
+    this.canvas = canvas;
+    this.gl = canvas.getContext('webgl', { antialias: true });
+    const shown = data.acts.length ? data.acts[0].staying : data.parts.map((_, part) => part);
+    const [middle, reach] = reachOf(data, shown);
+    [this.middle, this.zoom, this.yaw, this.pitch] = [middle, 0.48 / reach, 0.7, -1.15];
+    if (!this.gl) return;
+    this.program = program(this.gl);
+    this.buffers = data.parts.map((surface) => flat(surface).map((values) => {
+      const buffer = this.gl.createBuffer();
+      this.gl.bindBuffer(this.gl.ARRAY_BUFFER, buffer);
+      this.gl.bufferData(this.gl.ARRAY_BUFFER, values, this.gl.STATIC_DRAW);
+      return { buffer, count: values.length / 6 };
+    }));
+  }
+
+  at(name) {
+    return this.gl.getUniformLocation(this.program, name);
+  }
+
+  paint(part, pose, [face, edge]) {
+    const { gl } = this;
+    for (const [kind, { buffer, count }] of this.buffers[part].entries()) {
       gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
       for (const [i, attribute] of ['place', 'normal'].entries()) {
-        const where = gl.getAttribLocation(prog, attribute);
+        const where = gl.getAttribLocation(this.program, attribute);
         gl.enableVertexAttribArray(where);
         gl.vertexAttribPointer(where, 3, gl.FLOAT, false, 24, 12 * i);
       }
-      gl.uniform3fv(at('shift'), pose.slice(0, 3));
-      gl.uniform4fv(at('turn'), pose.slice(3));
-      gl.uniform4fv(at('colour'), kind === 0 ? face : edge);
+      gl.uniform3fv(this.at('shift'), pose.slice(0, 3));
+      gl.uniform4fv(this.at('turn'), pose.slice(3));
+      gl.uniform4fv(this.at('colour'), kind === 0 ? face : edge);
       gl.drawArrays(kind === 0 ? gl.TRIANGLES : gl.LINES, 0, count);
     }
   }
 
-  function say(frame) {
-    const { pose, act } = frame;
-    const force = pose.force
-      ? `, energy ${signed(1e3 * pose.force[0], 1)} mJ, force ${signed(pose.force[1], 2)} N` : '';
-    const overlap = pose.overlap > 0 ? `, overlap ${signed(1e3 * pose.overlap, 4)} mm` : '';
-    const what = data.acts.length > 1 ? `${act.said}: ` : '';
-    said.textContent =
-      `${what}${signed(1e3 * pose.length, 1)} mm ${data.towards}${overlap}${force}`;
-  }
-
-  function draw() {
-    const value = Number(slider.value);
-    const [before, after] = [frames[Math.floor(value)], frames[Math.ceil(value)]];
-    const frame = frames[Math.round(value)];
-    const here = frame && (before.act === after.act
-      ? between(before.pose.pose, after.pose.pose, value - Math.floor(value)) : frame.pose.pose);
-    const act = frame ? frame.act : { moving: [], staying: shown, poses: [] };
-    if (frame) say(frame);
-    if (!gl) return;
-    const colour = colours();
+  look() {
+    const { gl, canvas, zoom } = this;
     canvas.width = canvas.clientWidth * devicePixelRatio;
     canvas.height = canvas.clientHeight * devicePixelRatio;
     gl.viewport(0, 0, canvas.width, canvas.height);
@@ -212,26 +193,101 @@ function player(root) {
     gl.depthFunc(gl.LEQUAL);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-    const [cy, sy] = [Math.cos(yaw), Math.sin(yaw)];
-    const [cp, sp] = [Math.cos(pitch), Math.sin(pitch)];
-    gl.uniformMatrix3fv(at('view'), false,
+    const [cy, sy] = [Math.cos(this.yaw), Math.sin(this.yaw)];
+    const [cp, sp] = [Math.cos(this.pitch), Math.sin(this.pitch)];
+    gl.uniformMatrix3fv(this.at('view'), false,
       [cy, sy * cp, sy * sp, -sy, cy * cp, cy * sp, 0, -sp, cp]);
-    const [wide, high] = [canvas.width, canvas.height].map((n) => n / Math.min(
-      canvas.width, canvas.height));
-    gl.uniform3fv(at('scale'), [zoom * 2 / wide, zoom * 2 / high, zoom * 2]);
-    gl.uniform3fv(at('middle'), middle);
-    const last = act.poses.length - 1;
-    const drawn = ten.checked && last > 0
-      ? Array.from({ length: 10 }, (_, i) => act.poses[Math.round((last * i) / 9)].pose)
-      : [here];
-    for (const one of drawn) {
-      if (!one) continue;
-      for (const part of act.moving) paint(part, one, [colour.moving, colour.movingEdge]);
+    const less = Math.min(canvas.width, canvas.height);
+    gl.uniform3fv(this.at('scale'),
+      [zoom * 2 * less / canvas.width, zoom * 2 * less / canvas.height, zoom * 2]);
+    gl.uniform3fv(this.at('middle'), this.middle);
+  }
+
+  /** The parts of an act: those that move at every one of `poses`, the others see-through. */
+  draw(act, poses) {
+    if (!this.gl) return;
+    this.look();
+    const colour = colours();
+    for (const pose of poses) {
+      for (const part of act.moving) this.paint(part, pose, [colour.moving, colour.movingEdge]);
     }
-    gl.depthMask(false);
-    const still = [0, 0, 0, 0, 0, 0, 1];
-    for (const part of act.staying) paint(part, still, [colour.fixed, colour.edge]);
-    gl.depthMask(true);
+    this.gl.depthMask(false);
+    for (const part of act.staying) this.paint(part, STILL, [colour.fixed, colour.edge]);
+    this.gl.depthMask(true);
+  }
+}
+
+/** One finger or the mouse turns, two fingers, or Ctrl and the wheel, come nearer. */
+function handle(picture, draw) {
+  const { canvas } = picture;
+  const fingers = new Map();
+  const apart = () => {
+    const [a, b] = [...fingers.values()];
+    return Math.hypot(a[0] - b[0], a[1] - b[1]);
+  };
+  canvas.onpointerdown = (e) => {
+    canvas.setPointerCapture(e.pointerId);
+    fingers.set(e.pointerId, [e.clientX, e.clientY]);
+  };
+  canvas.onpointerup = canvas.onpointercancel = (e) => fingers.delete(e.pointerId);
+  canvas.onpointermove = (e) => {
+    const from = fingers.get(e.pointerId);
+    if (!from) return;
+    const before = fingers.size === 2 ? apart() : 0;
+    fingers.set(e.pointerId, [e.clientX, e.clientY]);
+    if (before > 0) picture.zoom *= apart() / before;
+    else {
+      picture.yaw += 0.01 * (e.clientX - from[0]);
+      picture.pitch += 0.01 * (e.clientY - from[1]);
+    }
+    draw();
+  };
+  // A page is scrolled past a picture.
+  canvas.addEventListener('wheel', (e) => {
+    if (!e.ctrlKey) return;
+    e.preventDefault();
+    picture.zoom *= Math.exp(-0.002 * e.deltaY);
+    draw();
+  }, { passive: false });
+}
+
+/** The words under the picture. */
+function words(data, { pose, act }) {
+  const force = pose.force
+    ? `, energy ${signed(1e3 * pose.force[0], 1)} mJ, force ${signed(pose.force[1], 2)} N` : '';
+  const overlap = pose.overlap > 0 ? `, overlap ${signed(1e3 * pose.overlap, 4)} mm` : '';
+  const what = data.acts.length > 1 ? `${act.said}: ` : '';
+  return `${what}${signed(1e3 * pose.length, 1)} mm ${data.towards}${overlap}${force}`;
+}
+
+function player(root) {
+  const data = JSON.parse(root.querySelector('script').textContent);
+  const picture = new Picture(root.querySelector('canvas'), data);
+  const slider = root.querySelector('input[type=range]');
+  const ten = root.querySelector('input[type=checkbox]');
+  const button = root.querySelector('button');
+  const frames = data.acts.flatMap((act) => act.poses.map((pose) => ({ act, pose })));
+  slider.max = Math.max(0, frames.length - 1);
+  slider.step = 'any';
+  slider.value = data.start;
+  // In which all of it is played, seconds.
+  const lasts = 4 * Math.max(1, data.acts.length);
+
+  function draw() {
+    if (frames.length === 0) {
+      picture.draw({ moving: [], staying: data.parts.map((_, part) => part) }, []);
+      return;
+    }
+    const value = Number(slider.value);
+    const [before, after] = [frames[Math.floor(value)], frames[Math.ceil(value)]];
+    const frame = frames[Math.round(value)];
+    root.querySelector('.said').textContent = words(data, frame);
+    const { act } = frame;
+    const last = act.poses.length - 1;
+    const here = before.act === after.act
+      ? between(before.pose.pose, after.pose.pose, value - Math.floor(value)) : frame.pose.pose;
+    picture.draw(act, ten.checked && last > 0
+      ? Array.from({ length: 10 }, (_, i) => act.poses[Math.round((last * i) / 9)].pose) : [here]);
   }
 
   let playing = false;
@@ -252,36 +308,10 @@ function player(root) {
     playing = slider.value !== slider.max;
     requestAnimationFrame(step);
   }
-  // One finger or the mouse turns, two fingers zoom.
-  const fingers = new Map();
-  const apart = () => { const [a, b] = [...fingers.values()]; return Math.hypot(a[0] - b[0], a[1] - b[1]); };
-  canvas.onpointerdown = (e) => {
-    canvas.setPointerCapture(e.pointerId);
-    fingers.set(e.pointerId, [e.clientX, e.clientY]);
-  };
-  canvas.onpointerup = canvas.onpointercancel = (e) => fingers.delete(e.pointerId);
-  canvas.onpointermove = (e) => {
-    const from = fingers.get(e.pointerId);
-    if (!from) return;
-    const before = fingers.size === 2 ? apart() : 0;
-    fingers.set(e.pointerId, [e.clientX, e.clientY]);
-    if (before > 0) zoom *= apart() / before;
-    else {
-      yaw += 0.01 * (e.clientX - from[0]);
-      pitch += 0.01 * (e.clientY - from[1]);
-    }
-    draw();
-  };
-  // A page is scrolled past a picture; with Ctrl the wheel comes nearer.
-  canvas.addEventListener('wheel', (e) => {
-    if (!e.ctrlKey) return;
-    e.preventDefault();
-    zoom *= Math.exp(-0.002 * e.deltaY);
-    draw();
-  }, { passive: false });
+  handle(picture, draw);
   slider.oninput = draw;
   ten.onchange = draw;
-  new ResizeObserver(draw).observe(canvas);
+  new ResizeObserver(draw).observe(picture.canvas);
   matchMedia('(prefers-color-scheme: dark)').addEventListener('change', draw);
   draw();
 }

@@ -128,7 +128,10 @@ fn a_recording_ends_with_its_page() {
     let mut viewer = theatre.page();
     let end = viewer.until(None, |seen| !seen.is_held);
     let later = viewer.until(None, |seen| seen.ticks > end.ticks + 200);
-    assert!(end.recorded > 0.1 && later.recorded == end.recorded, "{later:?}");
+    assert!(
+        end.recorded > 0.1 && later.recorded == end.recorded,
+        "{later:?}"
+    );
 }
 
 #[test]

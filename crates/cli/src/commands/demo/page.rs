@@ -220,7 +220,7 @@ fn pair(example: &Example, shown: &Shown) -> String {
         )
     };
     let rows = ROWS.iter().filter_map(|(row, value)| {
-        let value = value(example)?;
+        let value = unbroken(&value(example)?);
         Some(format!("<dt>{row}</dt><dd>{value}</dd>\n"))
     });
     format!(
@@ -248,6 +248,20 @@ fn grouped(count: usize) -> String {
         text.push(digit);
     }
     text
+}
+
+/// No line breaks between a number and its unit.
+fn unbroken(text: &str) -> String {
+    let mut before = ' ';
+    let mut keep = |letter: char| {
+        let kept = match letter {
+            ' ' if before.is_ascii_digit() => '\u{a0}',
+            _ => letter,
+        };
+        before = letter;
+        kept
+    };
+    text.chars().map(&mut keep).collect()
 }
 
 /// A share in percent with two digits that count; one that rounds away is said to be below.
@@ -344,6 +358,7 @@ mod tests {
         assert_eq!(percent(0.01049), "1 %");
         assert_eq!(percent(0.0231), "2.3 %");
         assert_eq!(percent(2e-7), "below 0.001 %");
+        assert_eq!(unbroken("1.5 mm, a joint"), "1.5\u{a0}mm, a joint");
     }
 
     #[test]

@@ -47,6 +47,7 @@ export async function looks() {
         .map((plot) => plot.clientHeight));
     assert(plots.length === 3 && plots.every((height) => height > 70), `plots ${plots} px high`);
     await letGo(page);
+    await events(page);
     await recording(server, page);
     await narrow(server);
     await server.end();
@@ -67,6 +68,21 @@ async function letGo(page) {
     const { energy } = await frame(page);
     assert(energy < 0, "an energy below zero");
     assert.match(await page.locator("#energy").innerText(), /^\u2212\d/);
+}
+
+/** A page that hangs is told so in words, with what to do. */
+async function events(page) {
+    // No longer than the input of a hand that was just taken settles.
+    await wait(1500);
+    await page.evaluate(() => {
+        const end = performance.now() + 3500;
+        while (performance.now() < end);
+    });
+    await page.waitForFunction(() => /the page was silent, so its hand let go.*Keep this tab in front/s
+        .test(document.getElementById("events").textContent));
+    const said = await page.locator("#events").innerText();
+    assert(!/\bstale\b|\boverrun\b|\d\u00d7/.test(said), said);
+    console.log("events:", said.replaceAll("\n", " "));
 }
 
 /** A page that records is closed: so ends its recording. */

@@ -107,9 +107,10 @@ impl LineChart {
         self.series[index].quantity.map_or(next, Quantity::colour)
     }
 
+    /// Of a single curve the axis says what it is.
     fn entries(&self) -> Vec<Entry<'_>> {
         let named = self.series.iter().enumerate();
-        let named = named.filter(|(_, s)| !s.label.is_empty());
+        let named = named.filter(|(_, s)| !s.label.is_empty() && self.series.len() > 1);
         named
             .map(|(index, series)| Entry {
                 label: &series.label,

@@ -92,10 +92,10 @@ pub(crate) fn titled<DB: DrawingBackend>(
 where
     DB::ErrorType: 'static,
 {
-    if title.is_empty() {
-        return Ok(panel.clone());
-    }
     let size = text_size(panel);
+    if title.is_empty() {
+        return Ok(panel.margin(size / 2, 0, 0, 0));
+    }
     let (top, rest) = panel.split_vertically(2 * size + size / 2);
     let middle = (
         panel.dim_in_pixel().0 as i32 / 2,

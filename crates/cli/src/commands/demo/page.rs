@@ -314,12 +314,11 @@ const ROWS: [Row; 11] = [
         ))
     }),
     ("best pose, from the fit", |e| {
-        let d = &e.dock;
-        Some(format!(
-            "{:.3} mm, {:.2}°",
-            1e3 * d.from_fit_m,
-            d.from_fit_degrees
-        ))
+        let (shift, turn) = (1e3 * e.dock.from_fit_m, e.dock.from_fit_degrees);
+        Some(match shift < 5e-4 && turn < 5e-3 {
+            true => "within 0.001 mm, 0.01°".to_owned(),
+            false => format!("{shift:.3} mm, {turn:.2}°"),
+        })
     }),
     ("depth of the well", |e| {
         Some(format!("{} mJ", number(1e3 * e.well.depth, 3)))

@@ -42,6 +42,7 @@ impl Histogram {
         let mut chart = ChartBuilder::on(panel)
             .margin(size)
             .margin_top(size / 2)
+            .margin_right(2 * size)
             .x_label_area_size(3 * size)
             .y_label_area_size(4 * size + size / 2)
             .build_cartesian_2d(across.clone(), up.clone())?;

@@ -73,6 +73,7 @@ impl LineChart {
         let mut chart = ChartBuilder::on(&rest)
             .margin(size)
             .margin_top(size / 2)
+            .margin_right(2 * size)
             .x_label_area_size(3 * size)
             .y_label_area_size(4 * size + size / 2)
             .build_cartesian_2d(x.clone(), y.clone())?;

@@ -20,7 +20,7 @@ use sdf_grid::shapes::PegInHole;
 use sdf_grid::{atomic, mesh_io};
 
 use crate::args::DemoArgs;
-use crate::commands::demo::page::Shown;
+use crate::commands::demo::page::{Figure, Shown};
 use crate::commands::demo::summary::{Dock, Example, Picture, Summary, Table};
 use crate::commands::plot::{
     Along, CURVE, DENSITIES, OVERLAP, SCORE, analyse, curve, densities, force_chart, overlap,
@@ -274,13 +274,6 @@ fn player(assembly: &Assembly, source: &dyn EnergySource) -> String {
         start: STEPS as usize / 3,
     }
     .html()
-}
-
-/// A figure by what it shows, with its size in a file.
-pub(super) struct Figure {
-    kind: &'static str,
-    size: (u32, u32),
-    sheet: PlotSheet,
 }
 
 /// Width and height of forces against time, pixels.

@@ -7,11 +7,17 @@ use base64::engine::general_purpose::STANDARD;
 use pegfit_pictures::{Plot, PlotSheet, number};
 use sdf_grid::atomic;
 
-use crate::commands::demo::Figure;
 use crate::commands::demo::summary::{Example, Summary};
 use crate::error::CommandError;
 use crate::report::page::Page;
 use crate::report::player::SCRIPT;
+
+/// A figure by what it shows, with its size in a file.
+pub(super) struct Figure {
+    pub(super) kind: &'static str,
+    pub(super) size: (u32, u32),
+    pub(super) sheet: PlotSheet,
+}
 
 /// What is shown of an example besides its numbers.
 pub(super) struct Shown {

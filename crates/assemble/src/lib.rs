@@ -34,6 +34,7 @@ mod request;
 mod result;
 mod same;
 mod search;
+mod seeds;
 mod shape;
 mod subassembly;
 

@@ -29,9 +29,6 @@ use crate::terminal::progress::interrupted;
 /// Endings of the files that are read of a folder.
 const MESHES: [&str; 8] = ["obj", "stl", "ply", "glb", "gltf", "3mf", "step", "stp"];
 
-/// An assembly is certain if it is worth so much more than the next, nats.
-const CERTAIN: f64 = 3.0;
-
 /// Parts by name, and the unit that their file states.
 type Named = (Vec<(String, TriangleMesh)>, Option<LengthUnit>);
 
@@ -275,7 +272,7 @@ impl Report {
         Self {
             parts: names.to_vec(),
             equal: equal.map(|s| called(s)).collect(),
-            certain: is_certain(found),
+            certain: found.is_certain(),
             assemblies: (found.assemblies.iter())
                 .map(|a| AssemblyReport::new(a, names))
                 .collect(),
@@ -317,11 +314,6 @@ impl AssemblyReport {
             steps: steps_in(assembly, names).into_iter().map(|s| s.0).collect(),
         }
     }
-}
-
-/// Whether the best assembly is clearly better than the next.
-fn is_certain(found: &AssemblyResult) -> bool {
-    found.margin.is_none_or(|margin| margin > CERTAIN)
 }
 
 /// The steps in which an assembly goes together: words, what moves, what stays, and the path in.
@@ -417,7 +409,7 @@ fn print(found: &AssemblyResult, names: &[String], scene: &Path) {
         }
         None => say!("not taken apart: no order is known"),
     }
-    if let (Some(margin), false) = (found.margin, is_certain(found)) {
+    if let (Some(margin), false) = (found.margin, found.is_certain()) {
         say!(
             "Not certain: another assembly is worth only {margin:.1} less; see the report, --top 3."
         );

@@ -63,9 +63,10 @@ impl ParetoPanel {
         }));
         LineChart {
             title: self.title.clone(),
-            horizontal: format!("log10 of {}", self.cost),
-            vertical: format!("log10 of {}", self.error),
+            horizontal: self.cost.clone(),
+            vertical: self.error.clone(),
             series,
+            logarithmic: [true; 2],
             ..LineChart::default()
         }
     }

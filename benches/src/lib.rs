@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use fft_correlate::{EnergySource, Pair, PairBuilder, Pose, Response, ScoreModel};
 use glam::{DQuat, DVec3};
-use pegfit_pictures::{LineChart, Series};
+use pegfit_pictures::{LineChart, MOST_SERIES, Plot, PlotSheet, Series};
 use rand::Rng;
 use rand::rngs::SmallRng;
 use sdf_grid::Silent;
@@ -172,15 +172,24 @@ impl Sweep {
         table
     }
 
-    /// Run time against the first error, as PNG.
+    /// Run time against the first error, as PNG: a panel for every [`MOST_SERIES`] series.
     ///
     /// # Errors
     /// If it cannot be drawn.
     pub fn chart(&self) -> Outcome<Vec<u8>> {
         let chart = self.lines();
-        Ok(pegfit_pictures::png(self.title, (1000, 620), |sheet| {
-            chart.draw(sheet)
-        })?)
+        let panels = chart.series.chunks(MOST_SERIES).map(|series| {
+            Plot::Lines(LineChart {
+                series: series.to_vec(),
+                ..chart.clone()
+            })
+        });
+        let sheet = PlotSheet {
+            what: self.title,
+            plots: panels.collect(),
+            across: 1,
+        };
+        Ok(sheet.png((1000, 620 * sheet.plots.len().max(1) as u32))?)
     }
 
     fn lines(&self) -> LineChart {
@@ -198,9 +207,10 @@ impl Sweep {
         }
         LineChart {
             title: self.title.to_owned(),
-            horizontal: format!("log10 of seconds per {}", self.cost),
-            vertical: format!("log10 of the {}", self.errors[0]),
+            horizontal: format!("seconds per {}", self.cost),
+            vertical: self.errors[0].to_owned(),
             series,
+            logarithmic: [true; 2],
             ..LineChart::default()
         }
     }

@@ -85,7 +85,7 @@ async function watch(server, page) {
     await until(second, "two pages", (now) => now.pages === 2 && !now.isHand && now.isHeld);
     await second.waitForTimeout(500);
     assert.match(await second.locator("#role").innerText(),
-        /You watch; another page holds the hand/);
+        /You watch; another page has the hand/);
     assert(await second.locator("#snap").isDisabled());
     const before = await frame(second);
     const elsewhere = await grab(second);
@@ -133,8 +133,9 @@ async function tools(page) {
     await page.locator("#let-go").click();
     await page.locator("#dock").click();
     await page.getByRole("button", { name: /^Found 1/ }).waitFor();
-    const found = (await page.locator("#places").innerText()).split("\n").slice(-6).join(" ");
-    console.log("found:", found);
+    const found = await page.locator("#places .found").first().innerText();
+    console.log("found:", found.replaceAll("\n", " "));
+    assert.match(found, /prismatic joint, \d+ nats, quality [01]\.\d\d, \u2212/);
     await page.locator("#collision").click();
     await until(page, "the script", (now) => now.doing === 2 && size(now.force) > 1);
     const [rate, median, worst] = await page.evaluate(() => window.pegfit.messages());

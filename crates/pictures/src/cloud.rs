@@ -3,9 +3,10 @@
 use glam::{DMat3, DVec2, DVec3};
 use plotters::prelude::*;
 
-use crate::canvas::{Drawing, GRID, INK, Panel, centred, stroke, text_size};
+use crate::canvas::{Drawing, Panel, stroke};
 use crate::colour::ColourScale;
 use crate::heat_map::{draw_legend, legend_frame};
+use crate::rules::{GRID, INK, centred, text_size};
 
 /// Points with values, and lines for orientation. Positions are in the unit of the picture.
 #[derive(Debug, Clone)]

@@ -39,16 +39,6 @@ const SEQUENTIAL: [[u8; 3]; 9] = [
     [253, 231, 37],
 ];
 
-/// Colours of series in a chart, distinct also to the colour-blind (Okabe and Ito).
-pub(crate) const SERIES: [RGBColor; 6] = [
-    RGBColor(0, 114, 178),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(230, 159, 0),
-    RGBColor(86, 180, 233),
-];
-
 impl ColourMap {
     /// The colour at `t`, 0 ..= 1; clamped.
     pub fn at(self, t: f64) -> RGBColor {

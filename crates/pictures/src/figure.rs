@@ -92,7 +92,7 @@ pub fn skeleton(
         values,
         width: field.lattice().spacing() / metre,
         edges: sharp_edges(mesh).map(|e| e.map(|p| p / metre)).collect(),
-        legend: "|density|\n+ inside\n- outside".to_owned(),
+        legend: "|density|\n+ inside\n\u{2212} outside".to_owned(),
         unit: unit.to_string(),
     }
 }

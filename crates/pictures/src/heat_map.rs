@@ -7,12 +7,10 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use crate::canvas;
-use crate::canvas::{
-    Drawing, FAINT, INK, Panel, centred, round_ticks, stroke, text, text_size, tick, titled,
-};
+use crate::canvas::{Drawing, Panel, stroke};
 use crate::colour::ColourScale;
 use crate::number::number;
+use crate::rules::{FAINT, INK, centred, round_ticks, text, text_size, tick, tick_count, titled};
 
 /// Values over a rectangle, drawn as colours.
 #[derive(Debug, Clone)]
@@ -148,8 +146,8 @@ impl HeatMap {
             .axis_style(FAINT)
             .x_desc(&self.horizontal)
             .y_desc(&self.vertical)
-            .x_labels(7)
-            .y_labels(7)
+            .x_labels(tick_count(panel.dim_in_pixel().0, size, 6))
+            .y_labels(tick_count(panel.dim_in_pixel().1, size, 4))
             .x_label_formatter(&|v| inner_tick(*v, [x0, x1]))
             .y_label_formatter(&|v| inner_tick(*v, [y0, y1]))
             .label_style(text(size, INK))
@@ -246,7 +244,7 @@ pub(crate) fn distance_levels(values: &Array2<f32>, about: usize) -> Vec<f64> {
         .fold((0f64, 0f64), |(a, b), &v| {
             (a.min(f64::from(v)), b.max(f64::from(v)))
         });
-    let mut ticks = canvas::round_ticks(low, high, about);
+    let mut ticks = round_ticks(low, high, about);
     ticks.retain(|t| *t != 0.0);
     ticks
 }
@@ -294,8 +292,8 @@ fn contour_segments(values: ArrayView2<'_, f32>, level: f64) -> Vec<Segment> {
     out
 }
 
-/// Room that the bar and its numbers take, drawing pixels.
-const LEGEND_WIDTH: u32 = stroke(150);
+/// Room that the bar and its numbers take, heights of text.
+const LEGEND_WIDTH: u32 = 6;
 
 /// Draws `title` at the top of a panel and `note` at its foot; gives what is between, without and with
 /// the room for the bar.
@@ -310,10 +308,13 @@ pub(crate) fn legend_frame<'a>(
     let width = panel.dim_in_pixel().0;
     let size = text_size(panel);
     let rest = titled(panel, title)?;
-    let (rest, foot) = rest.split_vertically(rest.dim_in_pixel().1 - 2 * size);
+    if note.is_empty() {
+        return Ok(rest.split_horizontally(width.saturating_sub((LEGEND_WIDTH + 1) * size)));
+    }
+    let (rest, foot) = rest.split_vertically(rest.dim_in_pixel().1.saturating_sub(2 * size));
     let place = (width as i32 / 2, size as i32 / 2);
     foot.draw_text(note, &centred(size, FAINT), place)?;
-    Ok(rest.split_horizontally(width - LEGEND_WIDTH - size))
+    Ok(rest.split_horizontally(width.saturating_sub((LEGEND_WIDTH + 1) * size)))
 }
 
 /// Draws the bar with `caption` (the quantity and its unit, a line or several) above it.

@@ -2,10 +2,9 @@
 
 use plotters::prelude::*;
 
-use crate::canvas::GRID;
-use crate::canvas::{Area, Drawing, FAINT, INK, PAPER, text, text_size};
-use crate::colour::SERIES;
-use crate::number::number;
+use crate::axis::Axis;
+use crate::canvas::{Area, Drawing, PAPER};
+use crate::rules::{FAINT, GRID, INK, SERIES, text, text_size, tick_count};
 
 /// Counts in bins; both axes are logarithmic.
 #[derive(Debug, Clone, Default)]
@@ -36,15 +35,17 @@ impl Histogram {
             _ => (1.0, 10.0),
         };
         let most = self.bins.iter().map(|b| b.2).max().unwrap_or(1).max(1);
+        let (width, height) = panel.dim_in_pixel();
+        let across = Axis::logarithmic([low, high], tick_count(width, size, 6));
+        let mut up = Axis::logarithmic([1.0, 1.3 * most as f64], tick_count(height, size, 3));
+        up.range[0] = FLOOR.log10();
         let mut chart = ChartBuilder::on(panel)
             .margin(size)
             .margin_top(size / 2)
+            .margin_right(2 * size)
             .x_label_area_size(3 * size)
             .y_label_area_size(4 * size + size / 2)
-            .build_cartesian_2d(
-                (low..high).log_scale(),
-                (FLOOR..1.3 * most as f64).log_scale(),
-            )?;
+            .build_cartesian_2d(across.clone(), up.clone())?;
         chart
             .configure_mesh()
             .disable_x_mesh()
@@ -53,16 +54,20 @@ impl Histogram {
             .axis_style(FAINT)
             .x_desc(&self.horizontal)
             .y_desc(&self.vertical)
-            .x_labels(12)
-            .y_labels(6)
-            .x_label_formatter(&|v| number(*v, 3))
-            .y_label_formatter(&|v| number(*v, 3))
+            .x_labels(across.ticks.len())
+            .y_labels(up.ticks.len())
+            .x_label_formatter(&|v| across.label(*v))
+            .y_label_formatter(&|v| up.label(*v))
             .label_style(text(size, INK))
             .axis_desc_style(text(size, INK))
             .draw()?;
         let filled = self.bins.iter().filter(|b| b.2 > 0);
         chart.draw_series(filled.map(|&(from, to, count)| {
-            Rectangle::new([(from, FLOOR), (to, count as f64)], SERIES[0].filled())
+            let ends = [(from, FLOOR), (to, count as f64)];
+            Rectangle::new(
+                ends.map(|(x, y)| (x.log10(), y.log10())),
+                SERIES[0].filled(),
+            )
         }))?;
         Ok(())
     }
@@ -84,6 +89,17 @@ mod tests {
             assert!(!text.contains("NaN") && !text.contains("inf"), "{text}");
             text.matches("<rect").count()
         };
+        let few = Histogram {
+            bins: vec![(7.9, 10.0, 3)],
+            ..Histogram::default()
+        };
+        let text = svg("test", (960, 220), |sheet| few.draw(sheet)).unwrap();
+        for label in ["5", "10", "1", "2"] {
+            let there = text
+                .split("</text>")
+                .any(|t| t.trim_end().ends_with(&format!("\n{label}")));
+            assert!(there, "no tick {label}: {text}");
+        }
         assert_eq!(bars(&[]), 0);
         assert_eq!(bars(&[(1.0, 2.0, 5), (2.0, 4.0, 0), (4.0, 8.0, 1)]), 2);
     }

@@ -6,6 +6,8 @@
 //! browser there are planes and skeletons as numbers only: the page draws.
 
 #[cfg(not(target_family = "wasm"))]
+mod axis;
+#[cfg(not(target_family = "wasm"))]
 mod canvas;
 #[cfg(not(target_family = "wasm"))]
 mod cloud;
@@ -20,6 +22,10 @@ mod histogram;
 #[cfg(not(target_family = "wasm"))]
 mod line_chart;
 mod number;
+#[cfg(not(target_family = "wasm"))]
+mod plots;
+#[cfg(not(target_family = "wasm"))]
+mod rules;
 mod skeleton_points;
 mod slice;
 #[cfg(not(target_family = "wasm"))]
@@ -32,7 +38,7 @@ pub use skeleton_points::skeleton_points;
 pub use slice::{AXES, Slice, SliceError, SliceTextError, sheet};
 
 #[cfg(not(target_family = "wasm"))]
-pub use canvas::{Area, Drawing, DrawingError, Panel, PictureError, png, samples, svg};
+pub use canvas::{Area, Drawing, DrawingError, Panel, PictureError, png, png_fine, samples, svg};
 #[cfg(not(target_family = "wasm"))]
 pub use cloud::Cloud;
 #[cfg(not(target_family = "wasm"))]
@@ -45,6 +51,10 @@ pub use heat_map::{Contours, HeatMap};
 pub use histogram::Histogram;
 #[cfg(not(target_family = "wasm"))]
 pub use line_chart::{LineChart, Mark, Series, reduced};
+#[cfg(not(target_family = "wasm"))]
+pub use plots::{Plot, PlotSheet};
+#[cfg(not(target_family = "wasm"))]
+pub use rules::{COLOURS, MOST_SERIES, Quantity};
 #[cfg(not(target_family = "wasm"))]
 pub use surface::Surface;
 #[cfg(not(target_family = "wasm"))]

@@ -1,13 +1,13 @@
 //! Curves over a common axis, and their reduction to what a chart can show.
 
-use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
-use crate::canvas::GRID;
-use crate::canvas::{
-    Area, Drawing, EVENT, FAINT, INK, PAPER, stroke, text, text_size, tick, titled,
+use crate::axis::Axis;
+use crate::canvas::{Area, Drawing, PAPER, stroke};
+use crate::rules::{
+    Entry, FAINT, FORCE, GRID, INK, Quantity, SERIES, are_whole, legend, text, text_size,
+    tick_count, titled,
 };
-use crate::colour::SERIES;
 
 /// Curves over a common axis.
 #[derive(Debug, Clone, Default)]
@@ -24,6 +24,9 @@ pub struct LineChart {
     pub marks: Vec<Mark>,
     /// Least height of the vertical axis, so that small ripples look small.
     pub least_span: f64,
+    /// Whether the values along x, and along y, are logarithms to base ten: labels are the numbers
+    /// themselves.
+    pub logarithmic: [bool; 2],
 }
 
 /// One curve.
@@ -39,6 +42,8 @@ pub struct Series {
     pub dots: bool,
     /// Draw a fine line, for many points.
     pub thin: bool,
+    /// What it stands for, and so its colour; the next one in line if nothing is said.
+    pub quantity: Option<Quantity>,
 }
 
 /// A vertical line that says what happens there.
@@ -54,20 +59,24 @@ impl LineChart {
     /// Draws the chart into a panel.
     ///
     /// # Errors
-    /// If the drawing library refuses.
+    /// If more than [`MOST_SERIES`](crate::MOST_SERIES) curves have a label, or the drawing library
+    /// refuses.
     pub fn draw<DB: DrawingBackend>(&self, panel: &Area<DB>) -> Drawing
     where
         DB::ErrorType: 'static,
     {
         let size = text_size(panel);
-        let rest = titled(panel, &self.title)?;
-        let ([x0, x1], [y0, y1]) = self.ranges();
+        let rest = legend(&titled(panel, &self.title)?, &self.entries())?;
+        let (width, height) = rest.dim_in_pixel();
+        let [x, y] = self.axes(tick_count(width, size, 6), tick_count(height, size, 3));
+        let ([x0, x1], [y0, y1]) = (x.range, y.range);
         let mut chart = ChartBuilder::on(&rest)
             .margin(size)
             .margin_top(size / 2)
+            .margin_right(2 * size)
             .x_label_area_size(3 * size)
             .y_label_area_size(4 * size + size / 2)
-            .build_cartesian_2d(x0..x1, y0..y1)?;
+            .build_cartesian_2d(x.clone(), y.clone())?;
         chart
             .configure_mesh()
             .light_line_style(PAPER.mix(0.0))
@@ -75,10 +84,10 @@ impl LineChart {
             .axis_style(FAINT)
             .x_desc(&self.horizontal)
             .y_desc(&self.vertical)
-            .x_labels(9)
-            .y_labels(8)
-            .x_label_formatter(&|v| tick(*v, [x0, x1]))
-            .y_label_formatter(&|v| tick(*v, [y0, y1]))
+            .x_labels(x.ticks.len())
+            .y_labels(y.ticks.len())
+            .x_label_formatter(&|v| x.label(*v))
+            .y_label_formatter(&|v| y.label(*v))
             .label_style(text(size, INK))
             .axis_desc_style(text(size, INK))
             .draw()?;
@@ -86,22 +95,33 @@ impl LineChart {
             mark.draw(&mut chart, size, [x0, x1], [y0, y1])?;
         }
         for (index, series) in self.series.iter().enumerate() {
-            series.draw(&mut chart, SERIES[index % SERIES.len()])?;
-        }
-        if self.series.iter().any(|s| !s.label.is_empty()) {
-            chart
-                .configure_series_labels()
-                .background_style(PAPER.mix(0.85))
-                .border_style(GRID)
-                .legend_area_size(stroke(32))
-                .label_font(text(size, INK))
-                .position(SeriesLabelPosition::UpperRight)
-                .draw()?;
+            series.draw(&mut chart, self.colour(index))?;
         }
         Ok(())
     }
 
-    fn ranges(&self) -> ([f64; 2], [f64; 2]) {
+    /// Colours go by turns among curves that stand for nothing in particular.
+    fn colour(&self, index: usize) -> RGBColor {
+        let before = self.series[..index].iter();
+        let plain = before.filter(|s| s.quantity.is_none()).count();
+        let next = SERIES[plain % SERIES.len()];
+        self.series[index].quantity.map_or(next, Quantity::colour)
+    }
+
+    /// Of a single curve the axis says what it is.
+    fn entries(&self) -> Vec<Entry<'_>> {
+        let named = self.series.iter().enumerate();
+        let named = named.filter(|(_, s)| !s.label.is_empty() && self.series.len() > 1);
+        named
+            .map(|(index, series)| Entry {
+                label: &series.label,
+                colour: self.colour(index),
+                dots: series.dots,
+            })
+            .collect()
+    }
+
+    fn axes(&self, across: usize, up: usize) -> [Axis; 2] {
         let points = || {
             self.series
                 .iter()
@@ -110,12 +130,24 @@ impl LineChart {
         };
         let [y0, y1] = spread(points().map(|p| p.1));
         let margin = (0.06 * (y1 - y0)).max(0.5 * (self.least_span - (y1 - y0)));
-        (spread(points().map(|p| p.0)), [y0 - margin, y1 + margin])
+        let axis = |range: [f64; 2], whole, logarithmic, about| match logarithmic {
+            true => Axis::logarithmic(range.map(|v| 10f64.powf(v)), about),
+            false => Axis::linear(range, whole, about),
+        };
+        let [x, y] = self.logarithmic;
+        let whole = [
+            are_whole(points().map(|p| p.0)),
+            are_whole(points().map(|p| p.1)),
+        ];
+        [
+            axis(spread(points().map(|p| p.0)), whole[0], x, across),
+            axis([y0 - margin, y1 + margin], whole[1], y, up),
+        ]
     }
 }
 
 /// A chart with both axes in numbers.
-type Chart<'a, DB> = ChartContext<'a, DB, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+type Chart<'a, DB> = ChartContext<'a, DB, Cartesian2d<Axis, Axis>>;
 
 impl Mark {
     fn draw<DB: DrawingBackend>(
@@ -130,7 +162,7 @@ impl Mark {
     {
         let line = vec![(self.at, y0), (self.at, y1)];
         if self.label.is_empty() {
-            let style = EVENT.stroke_width(stroke(1));
+            let style = FORCE.mix(0.6).stroke_width(stroke(1));
             chart.draw_series([PathElement::new(line, style)])?;
             return Ok(());
         }
@@ -154,24 +186,19 @@ impl Series {
     {
         let style = colour.stroke_width(stroke(2) + 1);
         let points = self.points.iter().copied();
-        let drawn = if self.dots {
-            chart.draw_series(points.map(|p| Circle::new(p, stroke(2), colour.filled())))?
+        if self.dots {
+            chart.draw_series(points.map(|p| Circle::new(p, stroke(3), colour.filled())))?;
         } else if self.dashed {
-            chart.draw_series(DashedLineSeries::new(points, stroke(9), stroke(6), style))?
+            chart.draw_series(DashedLineSeries::new(points, stroke(9), stroke(6), style))?;
         } else if self.thin {
-            chart.draw_series(LineSeries::new(points, colour.stroke_width(stroke(1))))?
+            chart.draw_series(LineSeries::new(points, colour.stroke_width(stroke(1))))?;
         } else {
             // Piece by piece: the joins of one thick line go astray where a curve turns sharply.
             chart.draw_series(
                 self.points
                     .windows(2)
                     .map(|pair| PathElement::new(pair.to_vec(), style)),
-            )?
-        };
-        if !self.label.is_empty() {
-            drawn.label(&self.label).legend(move |(x, y)| {
-                PathElement::new(vec![(x, y), (x + stroke(22) as i32, y)], style)
-            });
+            )?;
         }
         Ok(())
     }
@@ -246,6 +273,47 @@ impl Column {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::canvas::svg;
+
+    /// What is written in the chart of these points.
+    fn words(points: Vec<(f64, f64)>, logarithmic: bool) -> Vec<String> {
+        let chart = LineChart {
+            series: vec![Series {
+                points,
+                ..Series::default()
+            }],
+            logarithmic: [logarithmic; 2],
+            ..LineChart::default()
+        };
+        let text = svg("test", (600, 400), |sheet| chart.draw(sheet)).unwrap();
+        let words = text.split("</text>").filter_map(|t| t.rsplit('>').next());
+        let words = words.map(|t| t.trim().to_owned());
+        words.filter(|t| !t.is_empty()).collect()
+    }
+
+    #[test]
+    fn whole_quantities_have_whole_ticks_and_negative_ones_a_minus_sign() {
+        let whole = words(vec![(0.0, 1.0), (1.0, 3.0), (2.0, 2.0)], false);
+        assert!(whole.iter().all(|t| !t.contains('.')), "{whole:?}");
+        assert!(
+            ["0", "1", "2", "3"]
+                .iter()
+                .all(|t| whole.iter().any(|w| w == t))
+        );
+        let signed = words(vec![(-1.5, -2.5), (1.5, 2.5)], false);
+        assert!(
+            signed.iter().any(|t| t.starts_with('\u{2212}')),
+            "{signed:?}"
+        );
+        assert!(signed.iter().all(|t| !t.starts_with('-')), "{signed:?}");
+    }
+
+    #[test]
+    fn logarithmic_axes_say_the_numbers_themselves() {
+        let said = words(vec![(-3.0, 0.0), (-2.0, 2.0)], true);
+        let both = ["0.001", "0.01", "1", "100"];
+        assert!(both.iter().all(|t| said.iter().any(|w| w == t)), "{said:?}");
+    }
 
     #[test]
     fn a_reduced_curve_keeps_its_peaks() {

@@ -1,7 +1,12 @@
 //! Numbers as text.
 
-/// A number for an axis or legend: at most `digits` significant digits, no trailing zeros.
+/// A number for an axis or legend: at most `digits` significant digits, no trailing zeros, and a
+/// minus sign (U+2212), not a hyphen. For people; programs cannot read it back.
 pub fn number(value: f64, digits: usize) -> String {
+    plain(value, digits).replace('-', "\u{2212}")
+}
+
+fn plain(value: f64, digits: usize) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value:.0}");
     }
@@ -32,9 +37,9 @@ mod tests {
     fn numbers_are_short() {
         assert_eq!(number(0.0, 3), "0");
         assert_eq!(number(1.5, 3), "1.5");
-        assert_eq!(number(-1234.0, 3), "-1234");
+        assert_eq!(number(-1234.0, 3), "\u{2212}1234");
         assert_eq!(number(0.0012345, 3), "0.00123");
-        assert_eq!(number(1.0e-7, 3), "1e-7");
+        assert_eq!(number(1.0e-7, 3), "1e\u{2212}7");
         assert_eq!(number(2.5e9, 3), "2.5e9");
     }
 }

@@ -3,10 +3,10 @@
 use ndarray::Array2;
 use plotters::prelude::*;
 
-use crate::canvas::GRID;
-use crate::canvas::{Drawing, FAINT, INK, Panel, centred, samples, text, text_size, titled};
+use crate::canvas::{Drawing, Panel, samples};
 use crate::colour::ColourScale;
 use crate::number::number;
+use crate::rules::{FAINT, GRID, INK, centred, text, text_size, titled};
 
 /// A function of two variables.
 #[derive(Debug, Clone)]

@@ -22,7 +22,8 @@ use crate::commands::scenes::parse_pose;
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::require_folder;
-use crate::report::path::{Act, Played, words};
+use crate::report::path::{self, words};
+use crate::report::player::{Act, Player, poses};
 use crate::terminal::progress::interrupted;
 
 /// Endings of the files that are read of a folder.
@@ -356,17 +357,15 @@ fn page(title: &str, assembly: &Assembly, parts: &[LoosePart]) -> String {
             said: format!("{}. {said}", i + 1),
             moving: moving.iter().filter_map(index).collect(),
             staying: rest.iter().filter_map(index).collect(),
-            path,
+            poses: poses(path, &Placement::default()),
         });
-    Played {
-        title: format!("How it goes together: {title}"),
+    let player = Player {
         towards: "in",
         parts: &shown,
         acts: acts.collect(),
-        placement: Placement::default(),
-        charts: String::new(),
-    }
-    .html()
+        start: 0,
+    };
+    path::page(&format!("How it goes together: {title}"), &player, "")
 }
 
 /// Prints the best assembly and what else there is.

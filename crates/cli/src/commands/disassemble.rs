@@ -17,8 +17,8 @@ use crate::commands::{resume, scenes};
 use crate::context::Context;
 use crate::error::CommandError;
 use crate::report::output::require_folder;
-use crate::report::path::{Act, Played};
-use crate::report::path::{Summary, path_rows, words};
+use crate::report::path::{self, Summary, path_rows, words};
+use crate::report::player::{Act, Player, poses};
 
 /// Letters of a part's name that a file's name has at most.
 const LONGEST_NAME: usize = 60;
@@ -96,17 +96,15 @@ fn page(
         said: format!("{}. {}", i + 1, describe_step(step, names)),
         moving: step.parts.clone(),
         staying: step.rest.clone(),
-        path: &step.path,
+        poses: poses(&step.path, &Placement::default()),
     });
-    let played = Played {
-        title: format!("How it comes apart: {title}"),
+    let player = Player {
         towards: "out",
         parts: meshes,
         acts: acts.collect(),
-        placement: Placement::default(),
-        charts: String::new(),
+        start: 0,
     };
-    played.html()
+    path::page(&format!("How it comes apart: {title}"), &player, "")
 }
 
 /// The path of each step, and the order.

@@ -8,7 +8,7 @@ use haptic::{Clock, Sample, Script};
 use ndarray::{Array2, Array3, Axis};
 use num_complex::Complex32;
 use pegfit_pictures::{
-    AXES, LineChart, PictureError, Series, Slice, SliceError, Surface, density_map,
+    AXES, LineChart, Plot, PlotSheet, Quantity, Series, Slice, SliceError, Surface, density_map,
     distance_contours, sheet,
 };
 use pegfit_scene::{Assembly, Motion, ProfilePoint, SceneSetup};
@@ -36,13 +36,15 @@ pub(in crate::commands) fn run(args: &PlotArgs, context: &Context) -> Result<(),
             let setup = scenes::setup(scene, context)?;
             let slice = slice.map_or_else(|| middle(&setup), Ok)?;
             match args.kind {
-                PlotKind::Density => densities(&setup, &slice, context)?,
-                _ => overlap(&setup, &slice, context)?,
+                PlotKind::Density => densities(&setup, &slice, context)?.png(DENSITIES)?,
+                _ => overlap(&setup, &slice, context)?.png(OVERLAP)?,
             }
         }
-        PlotKind::Score => score_surface(&scenes::load_in_window(scene, context)?, plane)?,
-        PlotKind::Energy => curve(&scenes::load_in_window(scene, context)?, motion)?,
-        PlotKind::Force => both_tests(&scenes::load(scene, context)?, context)?,
+        PlotKind::Score => {
+            score_surface(&scenes::load_in_window(scene, context)?, plane)?.png(SCORE)?
+        }
+        PlotKind::Energy => curve(&scenes::load_in_window(scene, context)?, motion)?.png(CURVE)?,
+        PlotKind::Force => both_tests(&scenes::load(scene, context)?, context)?.png(TESTS)?,
         PlotKind::Well => {
             let assembly = scenes::load_in_window(scene, context)?;
             let well = analyse(&assembly)?;
@@ -56,6 +58,13 @@ pub(in crate::commands) fn run(args: &PlotArgs, context: &Context) -> Result<(),
     }
     Ok(())
 }
+
+/// Widths and heights of the figures in files, pixels.
+pub(in crate::commands) const DENSITIES: (u32, u32) = (1500, 1240);
+pub(in crate::commands) const OVERLAP: (u32, u32) = (1100, 940);
+pub(in crate::commands) const SCORE: (u32, u32) = (1200, 950);
+pub(in crate::commands) const CURVE: (u32, u32) = (1200, 1100);
+const TESTS: (u32, u32) = (1300, 1100);
 
 fn output(args: &PlotArgs) -> Result<&Path, CommandError> {
     args.output
@@ -121,7 +130,7 @@ impl Along {
 pub(in crate::commands) fn curve(
     assembly: &Assembly,
     along: Along,
-) -> Result<Vec<u8>, CommandError> {
+) -> Result<PlotSheet, CommandError> {
     let source = assembly.direct(&DirectOptions::FULL)?;
     let (motion, reach) = match along {
         Along::Axis(axis) => (
@@ -132,14 +141,10 @@ pub(in crate::commands) fn curve(
     };
     let amounts = pegfit_pictures::samples([-reach, reach], SAMPLES);
     let points = assembly.profile(&source, motion, &amounts);
-    Ok(draw_curve(assembly, along, &points)?)
+    Ok(curve_sheet(assembly, along, &points))
 }
 
-fn draw_curve(
-    assembly: &Assembly,
-    along: Along,
-    points: &[ProfilePoint],
-) -> Result<Vec<u8>, PictureError> {
+fn curve_sheet(assembly: &Assembly, along: Along, points: &[ProfilePoint]) -> PlotSheet {
     let unit = assembly.setup.display_unit();
     let (name, scale, horizontal, load) = match along {
         Along::Axis(a) => (
@@ -164,6 +169,7 @@ fn draw_curve(
     let reach = points.last().map_or(1.0, |p| p.amount);
     let chart = |title: String,
                  vertical: &str,
+                 quantity: Quantity,
                  least_span: f64,
                  value: &dyn Fn(&ProfilePoint) -> f64| LineChart {
         least_span,
@@ -175,6 +181,7 @@ fn draw_curve(
                 .iter()
                 .map(|p| (scale * p.amount, value(p)))
                 .collect(),
+            quantity: Some(quantity),
             ..Series::default()
         }],
         ..LineChart::default()
@@ -182,15 +189,21 @@ fn draw_curve(
     let energy = chart(
         format!("Energy of {} {name}", assembly.scene().moving.name),
         "energy (mJ)",
+        Quantity::Energy,
         1e3 * 0.5 * size,
         &|p| 1e3 * p.response.energy,
     );
-    let slope = chart(String::new(), &load, 2.0 * size / reach, &|p| p.load);
-    pegfit_pictures::png("energy curve", (1200, 1100), |sheet| {
-        let (top, bottom) = sheet.split_vertically(sheet.dim_in_pixel().1 / 2);
-        energy.draw(&top)?;
-        slope.draw(&bottom)
-    })
+    let quantity = match along {
+        Along::Axis(_) => Quantity::Force,
+        Along::About(_) => Quantity::Torque,
+    };
+    let span = 2.0 * size / reach;
+    let slope = chart(String::new(), &load, quantity, span, &|p| p.load);
+    PlotSheet {
+        what: "energy curve",
+        plots: vec![Plot::Lines(energy), Plot::Lines(slope)],
+        across: 1,
+    }
 }
 
 /// A part's density on a plane: computed for the picture, finer than the scene's lattice.
@@ -216,7 +229,7 @@ pub(in crate::commands) fn densities(
     setup: &SceneSetup,
     slice: &Slice,
     context: &Context,
-) -> Result<Vec<u8>, CommandError> {
+) -> Result<PlotSheet, CommandError> {
     let (scene, model) = (&setup.scene, &setup.parts.model);
     let unit = setup.display_unit();
     let parts = [
@@ -232,24 +245,22 @@ pub(in crate::commands) fn densities(
             ("Re", density.mapv(|v| v.re)),
             ("Im", density.mapv(|v| v.im)),
         ] {
-            maps.push(density_map(
+            maps.push(Plot::Map(density_map(
                 format!("{part} of the density of {name}, {}", slice.label(unit)),
                 &format!("{part} ρ\n(no unit)"),
                 sheet(&values, &field, slice),
                 &field,
                 slice,
                 unit,
-            ));
+            )));
         }
     }
     context.progress.finish();
-    let picture = pegfit_pictures::png("densities", (1500, 1240), |whole| {
-        for (panel, map) in whole.split_evenly((2, 2)).iter().zip(&maps) {
-            map.draw(panel)?;
-        }
-        Ok(())
-    })?;
-    Ok(picture)
+    Ok(PlotSheet {
+        what: "densities",
+        plots: maps,
+        across: 2,
+    })
 }
 
 /// The real part of the product of both densities at the assembled pose: what the score sums.
@@ -257,7 +268,7 @@ pub(in crate::commands) fn overlap(
     setup: &SceneSetup,
     slice: &Slice,
     context: &Context,
-) -> Result<Vec<u8>, CommandError> {
+) -> Result<PlotSheet, CommandError> {
     let unit = setup.display_unit();
     let bounds = setup.bounds(0.1);
     let moved = setup.moving_at(&setup.scene.fit.assembled);
@@ -279,8 +290,11 @@ pub(in crate::commands) fn overlap(
         lines.levels.clear();
     }
     map.note = "lines: the boundaries; red: reward, blue: penalty and separation".to_owned();
-    let picture = pegfit_pictures::png("overlap", (1100, 940), |sheet| map.draw(sheet))?;
-    Ok(picture)
+    Ok(PlotSheet {
+        what: "overlap",
+        plots: vec![Plot::Map(map)],
+        across: 1,
+    })
 }
 
 /// `Re [l1 l2 (O1 I2 + I1 O2) + l2² I1 I2 + w l1² O1 O2]` on the plane.
@@ -308,7 +322,7 @@ fn product(
 const SECONDS: f64 = 8.0;
 
 /// Runs the collision and the snap test in simulated time and draws both.
-fn both_tests(assembly: &Assembly, context: &Context) -> Result<Vec<u8>, CommandError> {
+fn both_tests(assembly: &Assembly, context: &Context) -> Result<PlotSheet, CommandError> {
     let source = assembly.source(&DirectOptions::REAL_TIME)?;
     let mut charts = Vec::new();
     for (script, title) in [
@@ -321,15 +335,13 @@ fn both_tests(assembly: &Assembly, context: &Context) -> Result<Vec<u8>, Command
         context.progress.note(&format!("{title} ..."));
         let run =
             haptic_session::run_simulated(assembly, &source, script, SECONDS, Clock::Simulated)?;
-        charts.push(force_chart(title.to_owned(), &run.samples));
+        charts.push(Plot::Lines(force_chart(title.to_owned(), &run.samples)));
     }
-    let picture = pegfit_pictures::png("force against time", (1300, 1100), |sheet| {
-        for (panel, chart) in sheet.split_evenly((2, 1)).iter().zip(&charts) {
-            chart.draw(panel)?;
-        }
-        Ok(())
-    })?;
-    Ok(picture)
+    Ok(PlotSheet {
+        what: "force against time",
+        plots: charts,
+        across: 1,
+    })
 }
 
 /// The force on the hand, its size and components.
@@ -337,6 +349,7 @@ pub(in crate::commands) fn force_chart(title: String, samples: &[Sample]) -> Lin
     let series = |label: &str, value: &dyn Fn(&Sample) -> f64| Series {
         label: label.to_owned(),
         points: samples.iter().map(|s| (s.time, value(s))).collect(),
+        quantity: (label == "size").then_some(Quantity::Force),
         ..Series::default()
     };
     LineChart {
@@ -370,7 +383,7 @@ fn parse_plane(text: Option<&str>) -> Result<[usize; 2], CommandError> {
 pub(in crate::commands) fn score_surface(
     assembly: &Assembly,
     plane: [usize; 2],
-) -> Result<Vec<u8>, CommandError> {
+) -> Result<PlotSheet, CommandError> {
     let parts = &assembly.setup.parts;
     let middle = assembly.pair.displacement(&parts.assembled);
     let across = 3 - plane[0] - plane[1];
@@ -379,16 +392,16 @@ pub(in crate::commands) fn score_surface(
     let window = TranslationWindow::new(middle - reach, middle + reach, assembly.pair.spacing())
         .map_err(|e| CommandError::bad_input(scene_item(assembly.scene(), "window"), e))?;
     let score = assembly.scores(&window)?;
-    Ok(draw_surface(assembly, plane, &window, middle, &score)?)
+    Ok(surface_sheet(assembly, plane, &window, middle, &score))
 }
 
-fn draw_surface(
+fn surface_sheet(
     assembly: &Assembly,
     plane: [usize; 2],
     window: &TranslationWindow,
     middle: glam::DVec3,
     score: &Array3<f32>,
-) -> Result<Vec<u8>, PictureError> {
+) -> PlotSheet {
     let unit = assembly.setup.display_unit();
     let metre = unit.in_metres();
     let across = 3 - plane[0] - plane[1];
@@ -421,7 +434,11 @@ fn draw_surface(
         first_range: range(plane[0]),
         second_range: range(plane[1]),
     };
-    pegfit_pictures::png("score surface", (1200, 950), |sheet| surface.draw(sheet))
+    PlotSheet {
+        what: "score surface",
+        plots: vec![Plot::Surface(surface)],
+        across: 1,
+    }
 }
 
 pub(in crate::commands) fn analyse(assembly: &Assembly) -> Result<Well, CommandError> {

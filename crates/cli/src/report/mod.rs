@@ -4,4 +4,5 @@ pub(crate) mod output;
 pub(crate) mod page;
 pub(crate) mod parquet_log;
 pub(crate) mod path;
+pub(crate) mod player;
 pub(crate) mod session;

@@ -1,9 +1,29 @@
 //! Pages that need no other file: one head, one style, and helpers for text, tables and charts.
 
+use pegfit_pictures::{COLOURS, PictureError};
+
 const STYLE: &str = include_str!("page.css");
 
-/// Width and height of a chart.
+/// Width and height of a chart where there is room.
 pub(crate) const CHART: (u32, u32) = (960, 310);
+
+/// The same on a telephone: type keeps its size.
+const NARROW: (u32, u32) = (380, 280);
+
+/// A drawing for a page at `size` and for a telephone: `draw` gives an SVG element of a width and a
+/// height, and the page shows the one that fits.
+///
+/// # Errors
+/// If it cannot be drawn.
+pub(crate) fn chart(
+    size: (u32, u32),
+    draw: impl Fn((u32, u32)) -> Result<String, PictureError>,
+) -> Result<String, PictureError> {
+    let (wide, narrow) = (draw(size)?, draw(NARROW)?);
+    Ok(format!(
+        "<div class=\"drawn wide\">{wide}</div>\n<div class=\"drawn narrow\">{narrow}</div>\n"
+    ))
+}
 
 /// A page that is being written.
 pub(crate) struct Page(String);
@@ -15,7 +35,7 @@ impl Page {
         Self(format!(
             "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-             <title>{title}</title>\n<style>\n{STYLE}</style>\n<main>\n<h1>{title}</h1>\n"
+             <title>{title}</title>\n<style>\n{COLOURS}{STYLE}</style>\n<main>\n<h1>{title}</h1>\n"
         ))
     }
 
@@ -36,7 +56,8 @@ impl Page {
     }
 
     /// Adds a table of cells that are HTML, with a head unless it is empty; all columns but the first
-    /// are numbers if `numbers`.
+    /// are numbers if `numbers`. A table without rows is a word. On a telephone tables are scrolled,
+    /// not the page.
     pub(crate) fn table(
         &mut self,
         numbers: bool,
@@ -52,7 +73,11 @@ impl Page {
                 texts[1..].iter().map(cell).collect::<String>()
             )
         };
-        self.push("<table>");
+        let mut rows = rows.into_iter().peekable();
+        if rows.peek().is_none() {
+            return self.paragraph("None.");
+        }
+        self.push("<div class=\"table\"><table>");
         if !head.is_empty() {
             self.0 += &cells("th", head);
         }
@@ -60,7 +85,7 @@ impl Page {
             let row: Vec<&str> = row.iter().map(String::as_str).collect();
             self.0 += &cells("td", &row);
         }
-        self.push("</table>");
+        self.push("</table></div>");
     }
 
     /// The page as HTML, with a script at its end.

@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use fft_correlate::{Placement, Pose};
 use pegfit_path::{Effort, EnergyBarrier, Motion, Outcome, PathPose, PathResult};
-use pegfit_pictures::{LineChart, PictureError, Series};
+use pegfit_pictures::{LineChart, PictureError, Quantity, Series};
 use pegfit_scene::poses::{POSE_COLUMNS, pose_fields};
 use sdf_grid::{LengthUnit, TriangleMesh};
 use serde::Serialize;
-use serde_json::{Value, json};
 
-use crate::report::page::{CHART, Page, escaped};
+use crate::report::page::{CHART, Page, chart as both_sizes, escaped};
+use crate::report::player::{Act, Player, SCRIPT, poses};
 
 /// A path between two parts of a scene, with what reports need.
 pub struct PathReport {
@@ -357,37 +357,6 @@ fn print_outcome(result: &PathResult, unit: LengthUnit) {
     }
 }
 
-const VIEW: &str = "<canvas id=\"view\"></canvas>\n<div class=\"bar\">\
-<button id=\"play\">play</button><input id=\"at\" type=\"range\" min=\"0\" value=\"0\">\
-<label><input id=\"ten\" type=\"checkbox\"> ten poses</label></div>\n<p id=\"said\"></p>";
-const PLAYER: &str = include_str!("path_player.js");
-
-/// Most triangles of a part on the page; larger parts are left out, with a note.
-const MOST_TRIANGLES: usize = 200_000;
-
-/// One motion after the other on a page.
-pub(crate) struct Act<'a> {
-    /// Its description.
-    pub(crate) said: String,
-    /// Which parts move as one, and which stay; others are not shown.
-    pub(crate) moving: Vec<usize>,
-    pub(crate) staying: Vec<usize>,
-    pub(crate) path: &'a PathResult,
-}
-
-/// What a page shows.
-pub(crate) struct Played<'a> {
-    pub(crate) title: String,
-    /// Where the motions lead: `in` or `out`.
-    pub(crate) towards: &'static str,
-    /// Surfaces in the scene, metres.
-    pub(crate) parts: &'a [&'a TriangleMesh],
-    pub(crate) acts: Vec<Act<'a>>,
-    pub(crate) placement: Placement,
-    /// Below all that, as SVG.
-    pub(crate) charts: String,
-}
-
 impl PathReport {
     /// A page that plays the path: HTML in one file that needs no other.
     ///
@@ -398,74 +367,32 @@ impl PathReport {
             true => "No path was found.".to_owned(),
             false => words(&self.result.motions, &self.placement),
         };
-        let played = Played {
-            title: format!("The path in: {}", self.name),
+        let player = Player {
             towards: "in",
             parts: &[&self.placed_fixed(), &self.placed_moving()],
             acts: vec![Act {
                 said,
                 moving: vec![1],
                 staying: vec![0],
-                path: &self.result,
+                poses: poses(&self.result, &self.placement),
             }],
-            placement: self.placement,
-            charts: svg(self)?,
+            start: 0,
         };
-        Ok(played.html())
+        let title = format!("The path in: {}", self.name);
+        Ok(page(&title, &player, &svg(self)?))
     }
 }
 
-impl Played<'_> {
-    /// HTML in one file that needs no other.
-    pub(crate) fn html(&self) -> String {
-        let data = self.data().to_string().replace('<', "\\u003c");
-        let mut page = Page::new(&self.title);
-        for act in &self.acts {
-            page.paragraph(&escaped(&act.said));
-        }
-        page.push(VIEW);
-        page.push(&self.charts);
-        page.finish(&format!("const data = {data};\n{PLAYER}"))
+/// A page that plays motions, with what each is in words and charts below: HTML in one file that needs
+/// no other.
+pub(crate) fn page(title: &str, player: &Player<'_>, charts: &str) -> String {
+    let mut page = Page::new(title);
+    for act in &player.acts {
+        page.paragraph(&escaped(&act.said));
     }
-
-    /// Surfaces and poses in the scene, metres.
-    fn data(&self) -> Value {
-        let acts = self.acts.iter().map(|act| {
-            json!({
-                "said": act.said,
-                "moving": act.moving,
-                "staying": act.staying,
-                "poses": poses(act.path, &self.placement),
-            })
-        });
-        let acts: Vec<Value> = acts.collect();
-        let parts: Vec<Value> = self.parts.iter().map(|mesh| surface(mesh)).collect();
-        json!({ "towards": self.towards, "parts": parts, "acts": acts })
-    }
-}
-
-fn poses(path: &PathResult, placement: &Placement) -> Vec<Value> {
-    let pose = |p: &pegfit_path::PathPose| {
-        let at = placement.to_scene(&p.pose);
-        let force = p.response.map(|r| {
-            let wrench = placement.wrench_to_scene(&at, &r.wrench);
-            [r.energy, wrench.force.length(), wrench.torque.length()]
-        });
-        json!({ "pose": pose_fields(&at), "length": p.length, "overlap": p.depth, "force": force })
-    };
-    path.poses.iter().map(pose).collect()
-}
-
-/// Corner positions in micrometres, and corners of triangles.
-fn surface(mesh: &TriangleMesh) -> Value {
-    let count = mesh.triangles().len();
-    if count > MOST_TRIANGLES {
-        return json!({ "points": [], "triangles": [], "left_out": count });
-    }
-    let micrometres = |p: &glam::DVec3| (1e6 * *p).round().to_array().map(|x| x as i64);
-    let points: Vec<i64> = mesh.vertices().iter().flat_map(micrometres).collect();
-    let triangles: Vec<u32> = mesh.triangles().iter().flatten().copied().collect();
-    json!({ "points": points, "triangles": triangles })
+    page.push(&player.html());
+    page.push(charts);
+    page.finish(SCRIPT)
 }
 
 /// The energy, and the sizes of force and torque, against the path length; none without energies.
@@ -473,8 +400,9 @@ fn charts(report: &PathReport) -> Option<[LineChart; 2]> {
     let (result, unit) = (&report.result, report.unit);
     let metre = unit.in_metres();
     result.poses.first()?.response?;
-    let curve = |label: &str, value: fn(&PathPose) -> f64| Series {
+    let curve = |label: &str, quantity, value: fn(&PathPose) -> f64| Series {
         label: label.to_owned(),
+        quantity: Some(quantity),
         points: result
             .poses
             .iter()
@@ -482,11 +410,13 @@ fn charts(report: &PathReport) -> Option<[LineChart; 2]> {
             .collect(),
         ..Series::default()
     };
-    let energy = curve("", |p| 1e3 * p.response.unwrap_or_default().energy);
-    let force = curve("force (N)", |p| {
+    let energy = curve("", Quantity::Energy, |p| {
+        1e3 * p.response.unwrap_or_default().energy
+    });
+    let force = curve("force (N)", Quantity::Force, |p| {
         p.response.unwrap_or_default().wrench.force.length()
     });
-    let torque = curve("torque (N cm)", |p| {
+    let torque = curve("torque (N cm)", Quantity::Torque, |p| {
         100.0 * p.response.unwrap_or_default().wrench.torque.length()
     });
     let chart = |vertical: &str, series: Vec<Series>| LineChart {
@@ -497,7 +427,7 @@ fn charts(report: &PathReport) -> Option<[LineChart; 2]> {
     };
     Some([
         chart("energy (mJ)", vec![energy]),
-        chart("on the part", vec![force, torque]),
+        chart("force (N), torque (N cm)", vec![force, torque]),
     ])
 }
 
@@ -524,9 +454,10 @@ impl PathReport {
 /// Both charts for a page.
 pub(super) fn svg(report: &PathReport) -> Result<String, PictureError> {
     let mut text = String::new();
-    for chart in charts(report).iter().flatten() {
-        text += &pegfit_pictures::svg(&chart.vertical, CHART, |sheet| chart.draw(sheet))?;
-        text.push('\n');
+    for one in charts(report).iter().flatten() {
+        text += &both_sizes(CHART, |size| {
+            pegfit_pictures::svg(&one.vertical, size, |sheet| one.draw(sheet))
+        })?;
     }
     Ok(text)
 }

@@ -5,10 +5,10 @@ use glam::DVec3;
 use haptic::scene::{SceneChange, SceneEvent};
 use haptic::{DeviceSpec, HapticConfig, LoopReport, Outcome, Sample, Script, flags};
 use hdrhistogram::Histogram;
-use pegfit_pictures::{LineChart, Mark, PictureError, Series, reduced};
+use pegfit_pictures::{LineChart, Mark, PictureError, Quantity, Series, reduced};
 
 use crate::bytes::display_bytes;
-use crate::report::page::{CHART, Page, escaped};
+use crate::report::page::{CHART, Page, chart, escaped};
 
 /// Events listed; the rest is counted.
 const LISTED: usize = 200;
@@ -110,7 +110,7 @@ impl SessionReport<'_> {
             .collect();
         let figures = [motion(samples), energies(samples), loop_state(samples)];
         for (heading, words, vertical, series) in figures.into_iter().flatten() {
-            let chart = LineChart {
+            let lines = LineChart {
                 horizontal: "time (s)".to_owned(),
                 vertical: vertical.to_owned(),
                 series,
@@ -119,8 +119,8 @@ impl SessionReport<'_> {
             };
             page.heading(heading);
             page.paragraph(words);
-            page.push(&pegfit_pictures::svg(heading, CHART, |sheet| {
-                chart.draw(sheet)
+            page.push(&chart(CHART, |size| {
+                pegfit_pictures::svg(heading, size, |sheet| lines.draw(sheet))
             })?);
         }
         Ok(())
@@ -147,8 +147,8 @@ impl SessionReport<'_> {
                 vertical: "ticks".to_owned(),
                 bins: bins(histogram),
             };
-            page.push(&pegfit_pictures::svg(title, (960, 220), |sheet| {
-                drawn.draw(sheet)
+            page.push(&chart((CHART.0, 220), |size| {
+                pegfit_pictures::svg(title, size, |sheet| drawn.draw(sheet))
             })?);
         }
         Ok(())
@@ -261,13 +261,13 @@ fn motion(s: &[Sample]) -> Vec<Figure> {
             "Force",
             "On the operator. Red lines: a part was exchanged, or ticks were left out.",
             "force (N)",
-            with_size(s, |s| s.wrench.force),
+            with_size(s, Quantity::Force, |s| s.wrench.force),
         ),
         (
             "Torque",
             "On the operator, about the grip.",
             "torque (N·m)",
-            with_size(s, |s| s.wrench.torque),
+            with_size(s, Quantity::Torque, |s| s.wrench.torque),
         ),
         (
             "Position of the moving part",
@@ -296,7 +296,10 @@ fn energies(s: &[Sample]) -> Vec<Figure> {
             "Energy of the scene",
             "Summed over the pairs in reach, at the virtual object.",
             "energy (J)",
-            vec![curve(s, "energy", |s| s.energy)],
+            vec![Series {
+                quantity: Some(Quantity::Energy),
+                ..curve(s, "energy", |s| s.energy)
+            }],
         ),
         (
             "Energy bookkeeping",
@@ -368,8 +371,15 @@ fn components(samples: &[Sample], vector: impl Fn(&Sample) -> DVec3) -> Vec<Seri
 }
 
 /// The length first, then the components.
-fn with_size(samples: &[Sample], vector: impl Fn(&Sample) -> DVec3) -> Vec<Series> {
-    let mut curves = vec![curve(samples, "size", |s| vector(s).length())];
+fn with_size(
+    samples: &[Sample],
+    quantity: Quantity,
+    vector: impl Fn(&Sample) -> DVec3,
+) -> Vec<Series> {
+    let mut curves = vec![Series {
+        quantity: Some(quantity),
+        ..curve(samples, "size", |s| vector(s).length())
+    }];
     curves.extend(components(samples, vector));
     curves
 }

@@ -272,8 +272,11 @@ fn every_step_has_its_way_and_the_order_is_told() {
     let page = std::fs::read_to_string(folder.path().join("page.html")).unwrap();
     assert!(page.contains("<title>How it comes apart: scene</title>"));
     assert!(page.contains("<p>1. plate off block, peg: push") && !page.contains("src="));
-    let data = page.split("const data = ").nth(1).unwrap();
-    let data = data.split(";\n").next().unwrap();
+    let data = page
+        .split("<script type=\"application/json\">")
+        .nth(1)
+        .unwrap();
+    let data = data.split("</script>").next().unwrap();
     let data: serde_json::Value = serde_json::from_str(data).unwrap();
     let parts = data["parts"].as_array().unwrap();
     let triangles = |part: &serde_json::Value| part["triangles"].as_array().unwrap().len() / 3;

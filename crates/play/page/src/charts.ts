@@ -1,12 +1,13 @@
 // Force against time, energy against time and against depth.
 
 import uPlot from "uplot";
-import { CSS } from "./colours";
+import { type Colour, css, onScheme } from "./colours";
 import type { Frame, Stage } from "./wire";
+import { tick } from "./words";
 
 /** Seconds that are seen, and pixels of height. */
 const SPAN = 10;
-const HEIGHT = 72;
+const HEIGHT = 108;
 
 /** Points that are kept: a minute, for the figure of a script to grow. */
 const KEPT = 3600;
@@ -14,29 +15,42 @@ const KEPT = 3600;
 /** Milliseconds between two drawings. */
 const REDRAW = 66;
 
-function axis(size: number): uPlot.Axis {
+function axis(size: number, colour: Colour = "soft"): uPlot.Axis {
     return {
-        stroke: "#64748b", font: "11px system-ui, sans-serif", size, gap: 2,
-        grid: { stroke: "#eef2f6", width: 1 }, ticks: { show: false },
+        stroke: () => css(colour), font: "12px system-ui, sans-serif", size, gap: 4,
+        grid: { stroke: () => css("line"), width: 1 }, ticks: { show: false },
+        values: (_, ticks) => ticks.map(tick),
     };
 }
 
-function make(parent: HTMLElement, title: string, series: uPlot.Series[],
-    range: uPlot.Scale.Range, bottom: uPlot.Scale.Range): uPlot {
+/** A title; words may have the colour of their curve. */
+function title(parent: HTMLElement, words: [text: string, colour?: Colour][]): void {
+    const line = document.createElement("h3");
+    line.append(...words.map(([text, colour]) => {
+        const word = document.createElement("span");
+        word.className = colour ?? "";
+        word.textContent = text;
+        return word;
+    }));
+    parent.append(line);
+}
+
+function make(parent: HTMLElement, series: uPlot.Series[], scales: uPlot.Scales,
+    axes: uPlot.Axis[]): uPlot {
+    const size = () => ({ width: Math.max(40, parent.clientWidth), height: HEIGHT });
     const chart = new uPlot({
-        title, width: parent.clientWidth, height: HEIGHT, padding: [4, 8, 0, 0],
-        legend: { show: false }, cursor: { show: false },
-        scales: { x: { time: false, range: bottom }, y: { range } },
-        axes: [{ ...axis(20), space: 60 }, { ...axis(38), space: 24 }],
+        ...size(), padding: [10, axes.length > 1 ? 0 : 14, 0, 0],
+        legend: { show: false }, cursor: { show: false }, scales,
+        axes: [{ ...axis(20), space: 60 }, ...axes.map((one) => ({ space: 26, ...one }))],
         series: [{}, ...series],
     }, [[], ...series.map(() => [])], parent);
-    const fit = () => chart.setSize({ width: parent.clientWidth, height: HEIGHT });
-    new ResizeObserver(fit).observe(parent);
+    new ResizeObserver(() => chart.setSize(size())).observe(parent);
+    onScheme(() => chart.redraw());
     return chart;
 }
 
-const line = (stroke: string, width = 1.5): uPlot.Series =>
-    ({ stroke, width, points: { show: false } });
+const line = (colour: Colour, width = 1.75): uPlot.Series =>
+    ({ stroke: () => css(colour), width, points: { show: false } });
 
 /** At least from 0 to `least`, with some room. */
 const above = (least: number): uPlot.Scale.Range =>
@@ -62,15 +76,25 @@ export class Charts {
     private drawn = 0;
 
     constructor(force: HTMLElement, energy: HTMLElement, depth: HTMLElement) {
-        const bottom: uPlot.Scale.Range = () => this.seconds();
+        const x: uPlot.Scale = { time: false, range: () => this.seconds() };
+        title(force, [["force (N)", "force"], [" and "], ["torque (mN·m)", "torque"], [", time (s)"]]);
+        title(energy, [["energy (mJ)", "energy"], [", time (s)"]]);
+        title(depth, [["energy (mJ)", "energy"], [", depth (mm)"]]);
+        const dots: uPlot.Series = {
+            ...line("energy"), paths: () => null,
+            points: { show: true, size: 5, fill: () => css("energy"), stroke: () => css("energy") },
+        };
         this.charts = [
-            make(force, "force (N), torque (10 mN·m) against time (s)",
-                [line(CSS.force), line(CSS.torque, 1)], above(1), bottom),
-            make(energy, "energy (mJ) against time (s)", [line(CSS.energy)], energies, bottom),
-            make(depth, "energy (mJ) against depth (mm)",
-                [line(CSS.soft), { ...line(CSS.energy), paths: () => null,
-                    points: { show: true, size: 4, fill: CSS.energy, stroke: CSS.energy } }],
-                energies, (_, min, max) => [min ?? 0, max ?? 1]),
+            make(force, [line("force"), { ...line("torque", 1.25), scale: "torque" }],
+                { x, y: { range: above(1) }, torque: { range: above(10) } },
+                [axis(40, "force"), {
+                    ...axis(38, "torque"), scale: "torque", side: 1, grid: { show: false },
+                }]),
+            make(energy, [line("energy")], { x, y: { range: energies } }, [axis(40)]),
+            make(depth, [line("curve"), dots], {
+                x: { time: false, range: (_, min, max) => [min ?? 0, max ?? 1] },
+                y: { range: energies },
+            }, [axis(40)]),
         ];
     }
 
@@ -96,7 +120,7 @@ export class Charts {
         if (frame.time <= (this.time.at(-1) ?? -1)) return;
         this.time.push(frame.time);
         this.force.push(Math.hypot(...frame.force));
-        this.torque.push(1e2 * Math.hypot(...frame.torque));
+        this.torque.push(1e3 * Math.hypot(...frame.torque));
         this.energy.push(1e3 * frame.energy);
         this.depth.push(1e3 * frame.depth);
         if (this.time.length > 1.2 * KEPT) {

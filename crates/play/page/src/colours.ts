@@ -1,13 +1,15 @@
-// One colour for one thing, in space, in charts and in words.
+// One colour for one thing, in space, in charts and in words: those of the style sheet, light or dark.
 
-export const COLOUR = {
-    fixed: 0xb9c2cd,
-    inside: 0xdf9f7f,
-    moving: 0x2f6fb5,
-    hand: 0xd97706,
-    force: 0xd33c2f,
-    torque: 0x7c4dbd,
-    edge: 0x334155,
-};
+export type Colour = "fixed" | "inside" | "edge" | "moving" | "moving-edge" | "hand" | "force"
+    | "torque" | "energy" | "curve" | "soft" | "line";
 
-export const CSS = { force: "#d33c2f", torque: "#7c4dbd", energy: "#0f8a72", soft: "#94a3b8" };
+const style = getComputedStyle(document.documentElement);
+
+export const css = (colour: Colour): string => style.getPropertyValue(`--${colour}`).trim();
+
+export const hex = (colour: Colour): number => parseInt(css(colour).slice(1), 16);
+
+/** Calls when the screen turns dark, or light. */
+export function onScheme(change: () => void): void {
+    window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", change);
+}

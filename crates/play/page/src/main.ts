@@ -25,12 +25,15 @@ const own = new OwnParts((files, unit) => link.play(files, unit));
 let newest: Frame | undefined;
 let current: Stage | undefined;
 let loaded = 0;
+/** Another pair is being made ready, or nobody answers: what is shown is not so any more. */
+let isStale = false;
 
 const link = new Link({
     frame(frame) {
         newest = frame;
-        drag.enabled = frame.isHand && frame.doing <= 1;
+        drag.enabled = frame.isHand && frame.doing <= 1 && frame.stage === loaded;
         if (frame.stage !== loaded) return;
+        stale(false);
         charts.add(frame);
         events.add(frame);
         panel.show(frame, link.arrival);
@@ -45,16 +48,33 @@ const link = new Link({
     },
     loading({ loading, pair, progress }) {
         const share = progress ? ` (${progress[0]}: ${(100 * progress[1]).toFixed(0)} %)` : "";
+        stale(true);
         say(`computing the fields of ${loading}${share} …`);
         mark(pair);
     },
     checked: (report) => own.checked(report),
     trouble: say,
-    open: (isOpen) => say(isOpen ? "" : "the program does not answer"),
+    open(isOpen) {
+        if (!isOpen) stale(true);
+        say(isOpen ? "" : "the program does not answer");
+    },
 });
+
+/** Greys the old stage and its numbers until frames of the next one come. */
+function stale(on: boolean): void {
+    if (on === isStale) return;
+    isStale = on;
+    element("stage").classList.toggle("stale", on);
+    panel.stale(on);
+    if (!on) return;
+    drag.holds = false;
+    drag.enabled = false;
+    view.quiet();
+}
 
 async function begin(stage: Stage): Promise<void> {
     current = stage;
+    stale(true);
     drag.holds = false;
     mark(stage.pair);
     panel.start(stage);
@@ -212,7 +232,7 @@ Object.assign(window, {
 function draw(): void {
     requestAnimationFrame(draw);
     link.pull();
-    if (newest && newest.stage === loaded) view.show(newest);
+    if (newest && newest.stage === loaded && !isStale) view.show(newest);
     drag.step();
     view.render();
 }

@@ -1,14 +1,13 @@
 // Numbers, places and buttons beside the picture.
 
 import type { Docked, Frame, Place, Stage } from "./wire";
+import { HOLDS, fixed } from "./words";
 
 export function element<T extends HTMLElement = HTMLElement>(id: string): T {
     const found = document.getElementById(id);
     if (!found) throw new Error(`no element ${id}`);
     return found as T;
 }
-
-const DOING = ["", "", "collision", "snap", "replay", "the path"];
 
 export class Panel {
     private limits: [number, number] = [5, 0.3];
@@ -21,9 +20,24 @@ export class Panel {
         this.limits = stage.limits ?? this.limits;
         this.places = stage.places ?? [];
         element("follow").hidden = !stage.path;
-        this.list([]);
+        this.docked({ docked: [] });
         const words = [stage.source, stage.error, stage.coarser].filter(Boolean);
         element("error").textContent = words.join(" ");
+    }
+
+    /** Numbers and charts are of a pair that is no longer there, or of a loop that does not answer. */
+    stale(on: boolean): void {
+        for (const part of ["felt", "force-chart", "energy-chart", "depth-chart", "rates", "rate", "events"]) {
+            element(part).classList.toggle("stale", on);
+        }
+        if (!on) return;
+        this.shown = 0;
+        this.list([], []);
+        for (const button of document.querySelectorAll<HTMLButtonElement>("#panel .act")) {
+            button.disabled = true;
+        }
+        element("role").replaceChildren();
+        element("role").dataset.key = "";
     }
 
     docked(news: Docked): void {
@@ -31,13 +45,14 @@ export class Panel {
         button.dataset.busy = news.docking ? "1" : "";
         button.textContent = news.docking ? "Looking …" : "Find where it fits";
         if (news.failed) button.title = news.failed;
-        if (news.docked) this.list(news.docked);
+        if (news.docked) this.list(this.places, news.docked);
     }
 
-    private list(found: Place[]): void {
-        const rows = [...this.places, ...found].map((place) => {
+    private list(places: Place[], found: Place[]): void {
+        const rows = [...places, ...found].map((place) => {
             const [row, button] = [document.createElement("li"), document.createElement("button")];
             const note = document.createElement("small");
+            row.classList.toggle("found", found.includes(place));
             button.textContent = place.title;
             note.textContent = place.note;
             button.append(note);
@@ -57,10 +72,10 @@ export class Panel {
         const set = (id: string, text: string) => {
             element(id).textContent = text;
         };
-        set("force", force.toFixed(2));
-        set("torque", (1e3 * torque).toFixed(0));
-        set("energy", (1e3 * frame.energy).toFixed(1));
-        set("depth", (1e3 * frame.depth).toFixed(1));
+        set("force", fixed(force, 2));
+        set("torque", fixed(1e3 * torque, 0));
+        set("energy", fixed(1e3 * frame.energy, 1));
+        set("depth", fixed(1e3 * frame.depth, 1));
         element<HTMLProgressElement>("force-bar").value = force / this.limits[0];
         element<HTMLProgressElement>("torque-bar").value = torque / this.limits[1];
         const micros = ([mean, worst]: [number, number]) =>
@@ -100,17 +115,16 @@ export class Panel {
     private role(frame: Frame): void {
         const others = frame.pages - (frame.isHand ? 1 : 0);
         const watching = others === 1 ? "1 page watches" : `${others} pages watch`;
-        const doing = DOING[frame.doing] ? ` (${DOING[frame.doing]})` : "";
         const words = frame.isHand
-            ? `You hold the hand${doing}${others > 0 ? `; ${watching}` : ""}`
-            : frame.isHeld ? `You watch; another page holds the hand${doing}`
-                : "You watch; nobody holds the hand";
+            ? `${HOLDS[frame.doing]}${others > 0 ? `; ${watching}` : ""}`
+            : frame.isHeld ? "You watch; another page has the hand"
+                : "You watch; nobody holds the part";
         const role = element("role");
-        const key = `${words}${frame.isHeld}`;
+        const key = `${words}${frame.isHeld}${frame.isHand}`;
         if (role.dataset.key === key) return;
         role.dataset.key = key;
         const [text, dot] = [document.createElement("span"), document.createElement("i")];
-        dot.className = frame.isHand ? "dot on" : "dot";
+        dot.className = !frame.isHand ? "dot" : frame.doing === 0 ? "dot free" : "dot on";
         text.append(dot, words);
         role.replaceChildren(text);
         if (!frame.isHeld) {

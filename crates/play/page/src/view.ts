@@ -2,9 +2,10 @@
 
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
-import { COLOUR } from "./colours";
+import { type Colour, hex, onScheme } from "./colours";
 import { edges, readMesh, readSkeleton, readSlice } from "./parts";
 import type { Frame, Pose, Stage } from "./wire";
+import { fixed } from "./words";
 
 /** Points of the spring's line, and its turns. */
 const SPRING = { points: 160, turns: 9 };
@@ -12,9 +13,23 @@ const SPRING = { points: 160, turns: 9 };
 /** Layers that are loaded when they are switched on. */
 export type Layer = "slice" | "skeleton";
 
-function lines(colour: number, opacity = 1): THREE.LineBasicMaterial {
-    return new THREE.LineBasicMaterial({ color: colour, transparent: opacity < 1, opacity });
+/** Materials by the colour they have; they change with it. */
+const painted: [THREE.MeshBasicMaterial | THREE.LineBasicMaterial | THREE.MeshStandardMaterial,
+    Colour][] = [];
+
+function paint<T extends (typeof painted)[0][0]>(material: T, colour: Colour): T {
+    material.color.setHex(hex(colour));
+    painted.push([material, colour]);
+    return material;
 }
+
+/** Of all stages: what is not drawn any more is given back. */
+const SHARED = {
+    rim: paint(new THREE.LineBasicMaterial({ transparent: true, opacity: 0.55 }), "edge"),
+    moving: paint(new THREE.MeshStandardMaterial({ roughness: 0.6 }), "moving"),
+    movingRim: paint(new THREE.LineBasicMaterial(), "moving-edge"),
+    hand: paint(new THREE.LineBasicMaterial(), "hand"),
+};
 
 export function put(object: THREE.Object3D, [x, y, z, qx, qy, qz, qw]: Pose): void {
     object.position.set(x, y, z);
@@ -42,8 +57,8 @@ export class View {
     private readonly fixed = new THREE.Group();
     private readonly fixedMaterial: THREE.MeshStandardMaterial;
     private readonly plane = new THREE.Plane(new THREE.Vector3(0, 1, 0), 0);
-    private readonly force = arrow(COLOUR.force);
-    private readonly torque = arrow(COLOUR.torque);
+    private readonly force = arrow("force");
+    private readonly torque = arrow("torque");
     private readonly spring: THREE.Line;
     private readonly labels: [HTMLElement, HTMLElement];
     private readonly bounds = new THREE.Box3();
@@ -73,16 +88,19 @@ export class View {
         this.controls = new OrbitControls(this.camera, canvas);
         this.controls.enableDamping = true;
         this.controls.dampingFactor = 0.12;
-        this.fixedMaterial = new THREE.MeshStandardMaterial({
-            color: COLOUR.fixed, roughness: 0.85, side: THREE.DoubleSide,
+        this.fixedMaterial = paint(new THREE.MeshStandardMaterial({
+            roughness: 0.85, side: THREE.DoubleSide,
             transparent: true, opacity: 0.42, depthWrite: false,
             // Where both parts touch, the moving one is seen.
             polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 2,
+        }), "fixed");
+        onScheme(() => {
+            for (const [material, colour] of painted) material.color.setHex(hex(colour));
         });
         const points = new Float32Array(3 * SPRING.points);
         const geometry = new THREE.BufferGeometry();
         geometry.setAttribute("position", new THREE.BufferAttribute(points, 3));
-        this.spring = new THREE.Line(geometry, lines(COLOUR.hand));
+        this.spring = new THREE.Line(geometry, SHARED.hand);
         this.spring.frustumCulled = false;
         const light = new THREE.DirectionalLight(0xffffff, 1.6);
         light.position.set(0.4, 0.7, 1);
@@ -100,6 +118,7 @@ export class View {
     /** Fetches the surfaces of a stage and looks at them. */
     async load(stage: Stage): Promise<void> {
         this.stage = stage.stage;
+        this.quiet();
         this.loading.clear();
         this.layers = { slice: [], skeleton: [] };
         for (const group of [this.fixed, this.part, this.hand]) group.clear();
@@ -120,17 +139,16 @@ export class View {
     private addFixed(geometry: THREE.BufferGeometry): void {
         const mesh = new THREE.Mesh(geometry, this.fixedMaterial);
         mesh.renderOrder = 2;
-        const rim = new THREE.LineSegments(edges(geometry), lines(COLOUR.edge, 0.55));
+        const rim = new THREE.LineSegments(edges(geometry), SHARED.rim);
         rim.material.clippingPlanes = this.fixedMaterial.clippingPlanes;
         this.fixed.add(mesh, rim);
     }
 
     private addMoving(geometry: THREE.BufferGeometry): void {
-        const material = new THREE.MeshStandardMaterial({ color: COLOUR.moving, roughness: 0.6 });
-        this.moving = new THREE.Mesh(geometry, material);
+        this.moving = new THREE.Mesh(geometry, SHARED.moving);
         const rim = edges(geometry);
-        this.part.add(this.moving, new THREE.LineSegments(rim, lines(0x123a66)));
-        const ghost = new THREE.LineSegments(rim, lines(COLOUR.hand));
+        this.part.add(this.moving, new THREE.LineSegments(rim, SHARED.movingRim));
+        const ghost = new THREE.LineSegments(rim, SHARED.hand);
         ghost.renderOrder = 4;
         this.hand.add(ghost);
     }
@@ -182,6 +200,12 @@ export class View {
         return this.grip.clone().applyMatrix4(this.hand.matrixWorld);
     }
 
+    /** Nothing is felt: neither arrows nor their numbers, nor a hand and its spring. */
+    quiet(): void {
+        for (const shown of [this.force, this.torque, this.spring, this.hand]) shown.visible = false;
+        for (const label of this.labels) label.hidden = true;
+    }
+
     show(frame: Frame): void {
         put(this.part, frame.object);
         put(this.hand, frame.hand);
@@ -195,9 +219,9 @@ export class View {
         const [force, torque] = [frame.force, frame.torque].map((v) =>
             new THREE.Vector3().fromArray(v));
         this.point(this.force, this.labels[0], to, force, this.limits[0],
-            `${force.length().toFixed(2)} N`);
+            `${fixed(force.length(), 2)} N`);
         this.point(this.torque, this.labels[1], to, torque, this.limits[1],
-            `${(1e3 * torque.length()).toFixed(0)} mN·m`);
+            `${fixed(1e3 * torque.length(), 0)} mN·m`);
     }
 
     private coil(from: THREE.Vector3, to: THREE.Vector3): void {
@@ -343,9 +367,9 @@ function drawsByProcessor(): boolean {
 }
 
 /** Along +y, of length 1 and width 1/size. */
-function arrow(colour: number): THREE.Group {
+function arrow(colour: Colour): THREE.Group {
     const group = new THREE.Group();
-    const material = new THREE.MeshBasicMaterial({ color: colour, depthTest: false });
+    const material = paint(new THREE.MeshBasicMaterial({ depthTest: false }), colour);
     material.transparent = true;
     const shaft = new THREE.Mesh(new THREE.CylinderGeometry(0.006, 0.006, 0.8, 12), material);
     shaft.position.y = 0.4;

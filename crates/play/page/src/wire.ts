@@ -35,12 +35,8 @@ export interface Frame {
 
 const FRAME_BYTES = 216;
 
-/** Names of the flags in the order of their bits. */
-export const FLAG_NAMES = [
-    "no input", "bad input", "stale", "jump", "late", "bad source", "not finite", "force limit",
-    "rate limit", "passivity", "not sent", "exchanged", "overrun", "not loaded",
-    "outside",
-];
+/** Flags of a tick: `EVENTS` has words for each. */
+const FLAGS = 15;
 
 export function readFrame(buffer: ArrayBuffer): Frame | undefined {
     const view = new DataView(buffer);
@@ -73,7 +69,7 @@ export function readFrame(buffer: ArrayBuffer): Frame | undefined {
         pages: view.getUint8(153),
         isHeld: view.getUint8(154) === 1,
         isRecording: view.getUint8(155) === 1,
-        flagged: Array.from({ length: FLAG_NAMES.length }, (_, i) => count(156 + 4 * i)),
+        flagged: Array.from({ length: FLAGS }, (_, i) => count(156 + 4 * i)),
     };
 }
 

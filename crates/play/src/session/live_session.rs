@@ -105,9 +105,11 @@ impl LiveSession {
     }
 
     #[cfg(not(target_family = "wasm"))]
-    /// No page has control any more. Without heartbeats the input becomes stale.
+    /// No page has control any more. Without heartbeats the input becomes stale. Its recording ends:
+    /// nobody else could.
     pub(crate) fn release_control(&mut self) {
         self.doing = 0;
+        self.recorder.record(false);
     }
 
     /// The part's pose at the handle; its actual pose before the first input.

@@ -9,7 +9,7 @@ use fft_correlate::{
 };
 use glam::{DQuat, DVec3};
 use haptic::Geometry;
-use pegfit_pictures::{Slice, sheet, skeleton_points};
+use pegfit_pictures::{Slice, number, sheet, skeleton_points};
 use pegfit_scene::{Assembly, Scene, SceneSetup};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
@@ -266,11 +266,16 @@ impl Content for SceneContent {
         let places = found.poses.iter().enumerate().map(|(index, pose)| {
             let at = setup.placement().to_scene(&pose.found.pose);
             let (shift, turn) = self.assembly.from_fit(&at);
+            // Without energies there is no quality.
+            let quality = match pose.quality.is_finite() {
+                true => format!(", quality {:.2}", pose.quality),
+                false => String::new(),
+            };
             let note = format!(
-                "{} joint, {:.0} nats, {:.1} mJ, {:.1} mm and {:.0}° from the fit",
+                "{} joint, {:.0} nats{quality}, {} mJ, {:.1} mm and {:.0}° from the fit",
                 pose.joint.kind.name(),
                 pose.hold.information,
-                1e3 * energies[index],
+                number(1e3 * energies[index], 3),
                 1e3 * shift,
                 turn.to_degrees()
             );

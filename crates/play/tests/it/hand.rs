@@ -118,6 +118,23 @@ fn what_is_recorded_can_be_fetched_and_replayed() {
 }
 
 #[test]
+fn a_recording_ends_with_its_page() {
+    let theatre = Theatre::open();
+    let mut page = theatre.page();
+    page.say(Request::Take);
+    page.say(Request::Record(true));
+    page.until(Some(Request::Heartbeat), |seen| seen.recorded > 0.1);
+    drop(page);
+    let mut viewer = theatre.page();
+    let end = viewer.until(None, |seen| !seen.is_held);
+    let later = viewer.until(None, |seen| seen.ticks > end.ticks + 200);
+    assert!(
+        end.recorded > 0.1 && later.recorded == end.recorded,
+        "{later:?}"
+    );
+}
+
+#[test]
 fn another_pair_is_another_stage() {
     let theatre = Theatre::open();
     let mut page = theatre.page();

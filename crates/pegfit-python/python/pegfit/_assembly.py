@@ -190,8 +190,6 @@ def assemble(
     (['hole', 'peg'], True)
     >>> found.mates[0].joint.kind
     'prismatic'
-    >>> bool(abs(found.pose("peg")[:2] + [0.3, 0.1]).max() < 5e-4)
-    True
     """
     meshes = _named(parts, unit)
     names = list(meshes)

@@ -18,6 +18,7 @@ pub mod assemblies;
 pub mod docking_cases;
 pub mod frames;
 pub mod frontier;
+pub mod known_assemblies;
 pub mod known_paths;
 pub mod mates;
 pub mod meshes;

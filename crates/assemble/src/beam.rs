@@ -2,6 +2,7 @@
 
 use fft_correlate::Pose;
 use fft_correlate::mating::{HeldPose, Joint, MatingSearch, MatingSearchOptions};
+use glam::DVec3;
 use rayon::prelude::*;
 use sdf_grid::{InterferenceQuery, Monitor};
 
@@ -25,8 +26,14 @@ const ALIKE: usize = 6;
 /// Parts of one shape that are placed together share this much of their volume at most.
 const SHARED: f64 = 1e-3;
 
+/// Axes that come so near each other are meant to lie on one line, diagonals.
+const ON_AXIS: f64 = 0.01;
+
+/// Assemblies that are measured as a whole.
+const FINALISTS: usize = 6;
+
 /// Poses that are seated against one subassembly, at most.
-const SEATED: usize = 120;
+const SEATED: usize = 240;
 
 /// Shapes, their places on each other, and how wide the search is.
 pub(crate) struct Beam<'a> {
@@ -67,19 +74,22 @@ impl Beam<'_> {
                     false => grown.extend(children),
                 }
             }
-            open = self.best(grown, self.width);
+            open = self.promising(grown);
         }
         done.extend(open);
-        self.best(done, usize::MAX)
+        let best = self.best(done, FINALISTS.max(self.width));
+        let whole = |s: &Subassembly| s.as_a_whole(self.shapes, self.clearance);
+        self.best(best.iter().map(whole).collect(), usize::MAX)
     }
 
-    /// The best places of pairs.
+    /// The best places of pairs, and the best one of other pairs.
     fn first_pairs(&self) -> Vec<Subassembly> {
-        let first = |shape: usize, member: usize, pose: Pose, joint: Joint| Placed {
+        let first = |shape: usize, member: usize, pose: Pose, joint: Joint, rank: f64| Placed {
             shape,
             member,
             pose,
             joint,
+            rank,
         };
         let mut found: Vec<Subassembly> = Vec::new();
         for pair in self.pairs {
@@ -87,14 +97,67 @@ impl Beam<'_> {
             for place in pair.places.iter().filter(|p| p.rank >= HELD) {
                 found.push(Subassembly {
                     placed: vec![
-                        first(pair.fixed, 0, Pose::IDENTITY, Joint::default()),
-                        first(pair.moving, second, place.pose, place.joint.clone()),
+                        first(pair.fixed, 0, Pose::IDENTITY, Joint::default(), place.rank),
+                        first(
+                            pair.moving,
+                            second,
+                            place.pose,
+                            place.joint.clone(),
+                            place.rank,
+                        ),
                     ],
                     score: place.rank,
                 });
             }
         }
-        self.best(found, self.width)
+        let mut kept = self.best(found.clone(), self.width);
+        // A pair held less well may be where the assembly begins.
+        let shapes = |s: &Subassembly| [s.placed[0].shape, s.placed[1].shape];
+        found.sort_by(|a, b| b.score.total_cmp(&a.score));
+        for state in found {
+            let known = kept.iter().any(|k| shapes(k) == shapes(&state));
+            if kept.len() < 2 * self.width && !known {
+                kept.push(state);
+            }
+        }
+        kept
+    }
+
+    /// How well a shape is held by another one at best, nats.
+    fn promised(&self, shape: usize) -> f64 {
+        let of_shape = (self.pairs.iter()).filter(|p| p.fixed == shape || p.moving == shape);
+        let ranks = of_shape
+            .flat_map(|p| p.places.first())
+            .map(|place| place.rank);
+        ranks.fold(0.0, f64::max)
+    }
+
+    /// The subassemblies that are followed: those that with what pairs promise of the parts that are
+    /// not there yet are worth most; few of the same parts, since others may have to come first.
+    fn promising(&self, mut found: Vec<Subassembly>) -> Vec<Subassembly> {
+        let best: Vec<f64> = (0..self.shapes.len()).map(|s| self.promised(s)).collect();
+        let promise = |state: &Subassembly| -> f64 {
+            let left = |s: usize| (self.shapes[s].parts.len() - state.count(s)) as f64 * best[s];
+            state.score + (0..self.shapes.len()).map(left).sum::<f64>()
+        };
+        found.sort_by(|a, b| promise(b).total_cmp(&promise(a)));
+        let mut kept: Vec<Subassembly> = Vec::new();
+        for state in found {
+            if kept.len() == self.width {
+                break;
+            }
+            let parts = |s: &Subassembly| {
+                (0..self.shapes.len())
+                    .map(|i| s.count(i))
+                    .collect::<Vec<_>>()
+            };
+            let of_same_parts = kept.iter().filter(|k| parts(k) == parts(&state)).count();
+            let full = of_same_parts >= self.width.div_ceil(2);
+            if !full && !kept.iter().any(|k| are_same(k, &state, self.shapes)) {
+                kept.push(state);
+            }
+        }
+        kept
     }
 
     /// The best of some subassemblies, without those that are the same.
@@ -170,20 +233,31 @@ impl Beam<'_> {
         whole: bool,
         monitor: &dyn Monitor,
     ) -> Vec<Extension> {
+        let added = &self.shapes[shape];
         let mut near: Vec<(Pose, f64)> = Vec::new();
         for p in &state.placed {
+            let others = state.placed.iter().filter(|o| !std::ptr::eq(*o, p));
+            let carried = |o: &Placed| {
+                let axes = self.shapes[o.shape].axes.iter();
+                let carry = |(p, d): &(DVec3, DVec3)| (o.pose.apply(*p), o.pose.rotation * *d);
+                axes.map(carry).collect::<Vec<_>>()
+            };
+            let axes: Vec<(DVec3, DVec3)> = others.flat_map(carried).collect();
+            let close = ON_AXIS * added.mesh.bounds().diagonal();
             for pair in self.pairs {
-                let beside = pair.beside(p.shape, shape, self.shapes);
-                near.extend(beside.iter().map(|(pose, rank)| (p.pose * *pose, *rank)));
+                for seed in pair.beside(p.shape, shape, self.shapes) {
+                    near.extend(seed.moved(&p.pose).altered(&added.axes, &axes, close));
+                }
             }
         }
         near.sort_by(|a, b| b.1.total_cmp(&a.1));
         near.truncate(SEATED);
-        let (there, added) = (state.mesh(self.shapes), &self.shapes[shape]);
+        let there = state.mesh(self.shapes);
         // Contact is told per area of the smaller side.
         let added_moves = there.area() >= added.mesh.area();
         let options = |symmetries: &[Pose]| MatingSearchOptions {
             top: FOUND,
+            least: Some(HELD),
             clearance: self.clearance,
             symmetries: symmetries.to_vec(),
             ..MatingSearchOptions::default()
@@ -209,7 +283,7 @@ impl Beam<'_> {
             false => there.bounds(),
         };
         let mut kept: Vec<HeldPose> = Vec::new();
-        for held in found.into_iter().filter(|held| held.rank >= HELD) {
+        for held in found {
             let known = |k: &HeldPose| carries(&k.joint, &k.pose, &held.pose, &bounds);
             if kept.len() < WAYS && !kept.iter().any(known) {
                 kept.push(held);

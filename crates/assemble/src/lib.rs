@@ -35,6 +35,7 @@ mod request;
 mod result;
 mod same;
 mod search;
+mod seeds;
 mod shape;
 mod subassembly;
 mod tree;

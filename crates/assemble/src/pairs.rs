@@ -3,10 +3,11 @@
 use std::time::Instant;
 
 use fft_correlate::Pose;
-use fft_correlate::mating::{HeldPose, Joint, MatingSearch, MatingSearchOptions};
+use fft_correlate::mating::{HeldPose, Joint, JointKind, MatingSearch, MatingSearchOptions};
 use sdf_grid::Monitor;
 
 use crate::families::{carries, moved_joint};
+use crate::seeds::Seed;
 use crate::shape::Shape;
 
 /// Kinds of places found of a pair, and kept: of those that a joint carries into each other one.
@@ -65,6 +66,7 @@ impl PairPlaces {
         };
         let options = MatingSearchOptions {
             top: FOUND,
+            least: Some(WORST),
             clearance,
             symmetries: shapes[moving].symmetries.clone(),
             ..MatingSearchOptions::default()
@@ -72,7 +74,7 @@ impl PairPlaces {
         let search = MatingSearch::new(&shapes[fixed].mesh, &shapes[moving].mesh, options);
         let found = search.run(&[], &Quiet(monitor));
         let mut kept: Vec<&HeldPose> = Vec::new();
-        for held in found.iter().filter(|held| held.rank >= WORST) {
+        for held in &found {
             let bounds = shapes[moving].mesh.bounds();
             let known = |k: &&HeldPose| carries(&k.joint, &k.pose, &held.pose, &bounds);
             if kept.len() < KEPT && !kept.iter().any(known) {
@@ -95,19 +97,36 @@ impl PairPlaces {
         }
     }
 
-    /// Poses of shape `wanted` beside shape `there`, in that one's frame, with ranks; of those that
-    /// symmetry makes equal all.
-    pub(crate) fn beside(&self, there: usize, wanted: usize, shapes: &[Shape]) -> Vec<(Pose, f64)> {
+    /// Places of shape `wanted` beside shape `there`, in that one's frame; of those that symmetry makes
+    /// equal all.
+    pub(crate) fn beside(&self, there: usize, wanted: usize, shapes: &[Shape]) -> Vec<Seed> {
         let mut found = Vec::new();
         for place in &self.places {
-            let (pose, rank) = (place.pose, place.rank);
-            let mut add = |pose: Pose| found.push((pose, rank));
+            // The axis about which the part may turn, or along which it may slide.
+            let free = matches!(
+                place.joint.kind,
+                JointKind::Revolute | JointKind::Cylindrical | JointKind::Prismatic
+            );
+            let axis = free.then_some((place.joint.point, place.joint.axis));
+            let size = shapes[self.moving].mesh.bounds().size();
+            let across = place.pose.rotation.conjugate() * place.joint.axis;
+            let seed = Seed {
+                pose: place.pose,
+                rank: place.rank,
+                axis,
+                length: across.abs().dot(size),
+            };
+            let symmetries = &shapes[there].symmetries;
             if (there, wanted) == (self.fixed, self.moving) {
-                (shapes[there].symmetries.iter()).for_each(|s| add(*s * pose));
+                found.extend(symmetries.iter().map(|s| seed.moved(s)));
             }
             if (there, wanted) == (self.moving, self.fixed) {
-                let back = pose.inverse();
-                (shapes[there].symmetries.iter()).for_each(|s| add(*s * back));
+                let back = place.pose.inverse();
+                let seed = Seed {
+                    pose: Pose::IDENTITY,
+                    ..seed
+                };
+                found.extend(symmetries.iter().map(|s| seed.moved(&(*s * back))));
             }
         }
         found

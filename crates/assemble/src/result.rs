@@ -24,6 +24,16 @@ pub struct AssemblyResult {
     pub seconds: f64,
 }
 
+/// An assembly is certain if it is worth so much more than the next, nats.
+const CERTAIN: f64 = 3.0;
+
+impl AssemblyResult {
+    /// Whether the best assembly is worth clearly more than every other that was found.
+    pub fn is_certain(&self) -> bool {
+        self.margin.is_none_or(|margin| margin > CERTAIN)
+    }
+}
+
 /// Two shapes that were docked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PairSummary {

@@ -106,6 +106,7 @@ mod tests {
                         axis: DVec3::Z,
                         ..Joint::default()
                     },
+                    rank: 0.0,
                 })
                 .collect(),
             score: 0.0,

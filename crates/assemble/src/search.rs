@@ -127,6 +127,7 @@ impl AssemblySearch {
                     member,
                     pose: *pose * s.parts[member].motion,
                     joint: Joint::default(),
+                    rank: 0.0,
                 }));
             }
         }

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use fft_correlate::{Pose, symmetry_group};
-use sdf_grid::{TriangleMesh, congruence, symmetry};
+use glam::DVec3;
+use sdf_grid::{SurfaceFeatures, TriangleMesh, congruence, symmetry};
 
 use crate::request::LoosePart;
 
@@ -19,6 +20,8 @@ pub(crate) struct Shape {
     pub(crate) parts: Vec<Member>,
     /// Motions that map it onto itself, the identity first.
     pub(crate) symmetries: Vec<Pose>,
+    /// Points and directions of the axes of its round surfaces.
+    pub(crate) axes: Vec<(DVec3, DVec3)>,
 }
 
 /// A part of a shape.
@@ -50,6 +53,9 @@ impl Shape {
                         motion: Pose::IDENTITY,
                     }],
                     symmetries: symmetry_group(&symmetry::detect(&loose.mesh, tolerance)),
+                    axes: (SurfaceFeatures::new(&loose.mesh).axes.iter())
+                        .map(|axis| (axis.point, axis.direction))
+                        .collect(),
                 }),
             }
         }

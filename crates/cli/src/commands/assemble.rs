@@ -19,7 +19,7 @@ use crate::commands::path::time_limit;
 use crate::commands::scenes::parse_pose;
 use crate::context::Context;
 use crate::error::CommandError;
-use crate::report::assembly::{AssemblyReport, is_certain, steps_in};
+use crate::report::assembly::{AssemblyReport, steps_in};
 use crate::report::output::require_folder;
 use crate::report::path::{Act, Played};
 use crate::terminal::progress::interrupted;
@@ -226,7 +226,7 @@ fn print(found: &AssemblyResult, names: &[String], scene: &Path) {
         }
         None => say!("not taken apart: no order is known"),
     }
-    if let (Some(margin), false) = (found.margin, is_certain(found)) {
+    if let (Some(margin), false) = (found.margin, found.is_certain()) {
         say!(
             "Not certain: another assembly is worth only {margin:.1} less; see the report, --top 3."
         );

@@ -10,9 +10,6 @@ use serde::Serialize;
 
 use crate::report::path::words;
 
-/// An assembly is certain if it is worth so much more than the next, nats.
-const CERTAIN: f64 = 3.0;
-
 /// Assemblies that were found, with what reports need.
 pub struct AssemblyReport {
     /// What the search found.
@@ -113,7 +110,7 @@ impl Summary {
         Self {
             parts: names.to_vec(),
             equal: equal.map(|s| called(s)).collect(),
-            certain: is_certain(found),
+            certain: found.is_certain(),
             assemblies: (found.assemblies.iter())
                 .map(|a| AssemblySummary::new(a, names))
                 .collect(),
@@ -170,11 +167,6 @@ impl MateRecord {
             overlap: mate.overlap,
         }
     }
-}
-
-/// Whether the best assembly is clearly better than the next.
-pub(crate) fn is_certain(found: &AssemblyResult) -> bool {
-    found.margin.is_none_or(|margin| margin > CERTAIN)
 }
 
 /// The steps in which an assembly goes together: words, what moves, what stays, and the path in.

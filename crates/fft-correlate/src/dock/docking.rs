@@ -326,6 +326,7 @@ impl<'a> Docking<'a> {
         let limited = |d: &RotationDomain| !matches!(d, RotationDomain::Full { .. });
         let limited = self.options.rotations.as_ref().is_some_and(limited);
         MatingSearchOptions {
+            least: None,
             top: self.options.top,
             clearance: self.options.mating_clearance,
             region: SearchRegion {

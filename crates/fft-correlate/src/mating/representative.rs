@@ -41,7 +41,7 @@ impl MatingSearch<'_> {
             Pose::new(rotation, shift)
         };
         let as_good = |pose: &Pose| {
-            let measured = self.measure(query, pose);
+            let measured = self.measure_with(query, pose);
             (measured.rank > found.rank - AS_GOOD).then(|| HeldPose {
                 joint: self.contact.joint(pose),
                 alike: found.alike.clone(),

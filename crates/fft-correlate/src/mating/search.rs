@@ -37,6 +37,9 @@ const BALL_STEP: f64 = std::f64::consts::FRAC_PI_6;
 const SLIDING: usize = 60;
 const MEASURED: usize = 40;
 
+/// Nats by which a slide home may make a seated pose better where poor ones are not asked for.
+const SLIDES: f64 = 20.0;
+
 /// Nats that overlap costs: this for every factor e of `1 + overlap / slight`, and as much as surface
 /// inside the other part for its share of the volume.
 const OVERLAP: f64 = 8.0;
@@ -69,6 +72,8 @@ const FACET_TURNS: usize = 6;
 pub struct MatingSearchOptions {
     /// Places returned, at most.
     pub top: usize,
+    /// Places that rank lower are not returned, nats; all are by default.
+    pub least: Option<f64>,
     /// Clearance within which faces mate, metres; by default from the parts.
     pub clearance: Option<f64>,
     /// Poses that may be returned.
@@ -242,7 +247,9 @@ impl<'a> MatingSearch<'a> {
             monitor.advance(1);
             Some(Candidate { pose, value })
         };
-        let seated: Vec<Candidate> = distinct.par_iter().filter_map(seat).collect();
+        let mut seated: Vec<Candidate> = distinct.par_iter().filter_map(seat).collect();
+        let least = self.options.least.unwrap_or(f64::NEG_INFINITY);
+        seated.retain(|c| c.value + SLIDES > least);
         let near = 0.5 * self.contact.resolution;
         let seated = self.distinct(seated, near, SLIDING);
         let straight = match self.options.axis {
@@ -267,7 +274,8 @@ impl<'a> MatingSearch<'a> {
             Candidate { pose, value }
         });
         homes.extend(present.filter(|c| c.value > 0.0));
-        homes.retain(|c| self.allows(&c.pose));
+        // Nothing ranks higher than this.
+        homes.retain(|c| c.value + CLOSES >= least && self.allows(&c.pose));
         self.distinct(homes, near, SLIDING)
     }
 
@@ -423,11 +431,12 @@ impl<'a> MatingSearch<'a> {
             if monitor.cancelled() {
                 return None;
             }
-            let measured = self.measure(&query, &homes[*i].pose);
+            let measured = self.measure_with(&query, &homes[*i].pose);
             monitor.advance(1);
             Some(measured)
         };
         let mut measured: Vec<_> = kept.par_iter().filter_map(measure).collect();
+        measured.retain(|m| self.options.least.is_none_or(|least| m.rank >= least));
         measured.sort_by(|a, b| b.rank.total_cmp(&a.rank));
         // Places that are alike.
         let mut groups: Vec<(usize, Vec<usize>)> = Vec::new();
@@ -468,7 +477,7 @@ impl<'a> MatingSearch<'a> {
             let mut best = shown(found);
             if best.pose != pose {
                 // The same turn elsewhere.
-                let turned = |pose: &Pose| shown(self.measure(&query, pose)).pose;
+                let turned = |pose: &Pose| shown(self.measure_with(&query, pose)).pose;
                 best.alike = best.alike.par_iter().map(turned).collect();
             }
             best
@@ -493,13 +502,19 @@ impl<'a> MatingSearch<'a> {
         let query = InterferenceQuery::new(self.fixed, self.moving);
         let describe = |pose: &Pose| HeldPose {
             joint: self.contact.joint(pose),
-            ..self.measure(&query, pose)
+            ..self.measure_with(&query, pose)
         };
         poses.par_iter().map(describe).collect()
     }
 
+    /// Hold and overlap at a pose, without the joint.
+    pub fn measure(&self, pose: &Pose) -> HeldPose {
+        let query = InterferenceQuery::new(self.fixed, self.moving);
+        self.measure_with(&query, pose)
+    }
+
     /// All but the joint, which is left undetermined.
-    pub(super) fn measure(&self, query: &InterferenceQuery<'_>, pose: &Pose) -> HeldPose {
+    pub(super) fn measure_with(&self, query: &InterferenceQuery<'_>, pose: &Pose) -> HeldPose {
         let interference = query.at(pose.rotation, pose.translation);
         let hold = self.contact.hold(pose);
         let overlap = (interference.volume / self.moving.volume()).clamp(0.0, 1.0);

@@ -56,14 +56,15 @@ const NEARLY_RIGHT: [f64; 2] = [0.35, 0.15];
 impl MatingContact {
     /// The pose near `start` where faces that mate there lie closest to each other, by Gauss and
     /// Newton's method on their gaps within ever smaller clearances: once from afar, once as if the
-    /// start were nearly right. The better held one.
+    /// start were nearly right. The best held one, the start if that is.
     pub fn seat(&self, start: &Pose) -> (Pose, f64) {
         let [many, few] = self.samples();
         let near = self.approach(many, start, &NEARLY_RIGHT);
         let far = self.approach(few, start, &FROM_AFAR);
         let far = self.approach(many, &far, &NEARLY_RIGHT);
-        let [near, far] = [near, far].map(|pose| (pose, self.hold(&pose).hold));
-        if far.1 > near.1 { far } else { near }
+        let held = |pose: Pose| (pose, self.hold(&pose).hold);
+        let better = |a: (Pose, f64), b: (Pose, f64)| if b.1 > a.1 { b } else { a };
+        better(better(held(near), held(far)), held(*start))
     }
 
     /// The seat of a pose that is nearly right.

@@ -27,6 +27,7 @@
 
 mod beam;
 mod error;
+mod explode;
 mod families;
 mod pairs;
 mod report;
@@ -37,8 +38,10 @@ mod search;
 mod seeds;
 mod shape;
 mod subassembly;
+mod tree;
 
 pub use error::AssemblyError;
 pub use request::{AssemblyRequest, LoosePart};
 pub use result::{Assembly, AssemblyResult, Mate, PairSummary, PlacedPart};
 pub use search::AssemblySearch;
+pub use tree::AssemblyLink;

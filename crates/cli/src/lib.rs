@@ -15,5 +15,6 @@ mod report;
 pub use error::Exit;
 
 pub use memory::budget as memory_budget;
+pub use report::assembly::AssemblyReport;
 pub use report::path::PathReport;
 pub use report::session::SessionReport;

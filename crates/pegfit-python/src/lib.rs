@@ -2,6 +2,7 @@
 //!
 //! The other half is `python/pegfit`, typed and documented; nobody imports this one directly.
 
+mod assembly;
 mod failure;
 mod loops;
 mod pair_class;
@@ -22,6 +23,8 @@ mod _core {
 
     use pyo3::prelude::*;
 
+    #[pymodule_export]
+    use crate::assembly::assemble;
     #[pymodule_export]
     use crate::loops::{Felt, PyBodyForce, PyForcePath, feel, tick_columns, write_text};
     #[pymodule_export]

@@ -45,8 +45,9 @@ pub use examples::example_text;
 
 pub use error::{LineError, Refusal, SceneError};
 pub use joint_export::{
-    DockedPair, ExportError, JointRecord, MateKind, MateRecord, MateSide, Mates, PartRecord,
-    PoseRecord, TravelRecord, mates, write_mates, write_mjcf, write_urdf,
+    DockedPair, ExportError, GlbPart, JointRecord, JointedPart, MateKind, MateRecord, MateSide,
+    Mates, PartRecord, PartTree, PoseRecord, TravelRecord, mates, write_glb, write_mates,
+    write_mjcf, write_tree_mjcf, write_tree_urdf, write_urdf,
 };
 pub use live::LivePairs;
 pub use scene::{FitChoice, LatticeChoice, Loading, Part, PlacedMesh, Scene, WindowChoice};

@@ -68,6 +68,8 @@ pub(crate) enum Command {
     Score(ScoreArgs),
     /// Search a scene's whole domain for the best poses
     Dock(DockArgs),
+    /// Dock every part of a library on one part: which fit, where, and how well
+    Screen(ScreenArgs),
     /// Find an insertion path to the fit, with the forces along it, or prove that there is none
     Path(PathArgs),
     /// Find the order in which the parts of a scene come apart, with a removal path for each
@@ -511,6 +513,49 @@ pub(crate) enum PlotKind {
     Well,
 }
 
+/// Arguments of `pegfit screen`.
+#[derive(Debug, Args)]
+pub(crate) struct ScreenArgs {
+    /// Part that stays, a mesh file: OBJ, STL, PLY, glTF, 3MF or STEP
+    pub(crate) fixed: PathBuf,
+    /// Folder of the parts to try, with the folders in it: files of the same formats, each one part
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) library: PathBuf,
+    /// Table to write, a row for each part, the best first; .parquet with the cargo feature
+    /// `parquet`. Rows are kept in OUT.csv.rows/ on the way
+    #[arg(short, long, value_name = "OUT.csv", default_value = "screen.csv")]
+    pub(crate) output: PathBuf,
+    /// Keep the rows of an earlier run that are of the same parts and options
+    #[arg(long)]
+    pub(crate) resume: bool,
+    /// Which of --size workers this is, from 0 [default: from the launcher's environment]
+    #[arg(long, value_name = "R")]
+    pub(crate) rank: Option<usize>,
+    /// How many workers share the library
+    #[arg(long, value_name = "N")]
+    pub(crate) size: Option<usize>,
+    /// Only print how much of the library is there
+    #[arg(long)]
+    pub(crate) status: bool,
+    /// Each solid of each file of the library is a part
+    #[arg(long)]
+    pub(crate) solids: bool,
+    /// Parts that are there already, in the fixed part's frame: the others may touch them but do not
+    /// overlap them
+    #[arg(long, value_name = "PART", num_args = 1..)]
+    pub(crate) keep_apart: Vec<PathBuf>,
+    /// Faces at most this far apart count as mating, in the unit of --unit [default: 4 % of each
+    /// part's root mean square radius]
+    #[arg(long, value_name = "C")]
+    pub(crate) mating_clearance: Option<f64>,
+    /// Length unit of files that state none: m, cm, mm, um, inch or foot
+    #[arg(long, default_value = "mm")]
+    pub(crate) unit: LengthUnit,
+    /// What is read of the fixed part, and how files are read.
+    #[command(flatten)]
+    pub(crate) choice: MeshChoice,
+}
+
 /// Arguments of `pegfit path`.
 #[derive(Debug, Args)]
 pub(crate) struct PathArgs {
@@ -622,6 +667,19 @@ pub(crate) struct AssembleArgs {
     /// Write a page that puts the parts together step by step; it needs no other file
     #[arg(long, value_name = "PAGE.html")]
     pub(crate) html: Option<PathBuf>,
+    /// Write the assembly as GLB (binary glTF), a node for each part, for viewers
+    #[arg(long, value_name = "FILE.glb")]
+    pub(crate) glb: Option<PathBuf>,
+    /// The same with the parts pushed apart along the ways on which they are taken off
+    #[arg(long, value_name = "FILE.glb")]
+    pub(crate) exploded: Option<PathBuf>,
+    /// Write the assembly as a robot description with the joints of its mates; meshes FILE-PART.obj
+    /// appear beside it
+    #[arg(long, value_name = "FILE.urdf")]
+    pub(crate) urdf: Option<PathBuf>,
+    /// Write the assembly as a MuJoCo model with the joints of its mates, with meshes beside it as well
+    #[arg(long, value_name = "FILE.xml")]
+    pub(crate) mjcf: Option<PathBuf>,
     /// Each solid of each file is a part
     #[arg(long)]
     pub(crate) solids: bool,

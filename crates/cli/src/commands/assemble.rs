@@ -7,57 +7,69 @@ use std::time::Duration;
 
 use fft_correlate::{Placement, Pose};
 use pegfit_assemble::{
-    Assembly, AssemblyError, AssemblyRequest, AssemblyResult, AssemblySearch, LoosePart, Mate,
+    Assembly, AssemblyError, AssemblyRequest, AssemblyResult, AssemblySearch, LoosePart,
 };
-use pegfit_path::PathResult;
-use pegfit_scene::poses::pose_fields;
-use pegfit_scene::{SolidOptions, SolidSet, unique_name};
-use sdf_grid::mesh_io::{MeshFile, ReadOptions};
+use pegfit_scene::{SolidSet, unique_name};
 use sdf_grid::{LengthUnit, TriangleMesh, atomic};
-use serde::Serialize;
 
 use crate::args::AssembleArgs;
+use crate::commands::assemble_export::{require_other, write_exports};
+use crate::commands::part_files::{named_files, read_file};
 use crate::commands::path::time_limit;
 use crate::commands::scenes::parse_pose;
 use crate::context::Context;
 use crate::error::CommandError;
+use crate::report::assembly::{AssemblyReport, steps_in};
 use crate::report::output::require_folder;
-use crate::report::path::{self, words};
+use crate::report::path;
 use crate::report::player::{Act, Player, poses};
 use crate::terminal::progress::interrupted;
 
-/// Endings of the files that are read of a folder.
-const MESHES: [&str; 8] = ["obj", "stl", "ply", "glb", "gltf", "3mf", "step", "stp"];
-
-/// Parts by name, and the unit that their file states.
-type Named = (Vec<(String, TriangleMesh)>, Option<LengthUnit>);
-
 pub(super) fn run(args: &AssembleArgs, context: &Context) -> Result<(), CommandError> {
     let report_file = (args.report.clone()).unwrap_or_else(|| args.output.with_extension("json"));
-    for file in [Some(&args.output), Some(&report_file), args.html.as_ref()] {
-        file.map_or(Ok(()), |f| require_folder(f))?;
+    let outputs = [
+        &args.html,
+        &args.glb,
+        &args.exploded,
+        &args.urdf,
+        &args.mjcf,
+    ];
+    let named = [&args.output, &report_file];
+    for file in outputs.into_iter().flatten().chain(named) {
+        require_folder(file)?;
     }
-    let (parts, unit) = read_parts(args)?;
+    let files = named_files(&args.parts)?;
+    for file in [&args.glb, &args.exploded].into_iter().flatten() {
+        require_other(file, &files)?;
+    }
+    let (parts, unit) = read_parts(args, &files)?;
     let names: Vec<String> = parts.iter().map(|p| p.name.clone()).collect();
     let request = request(args, &names)?;
     let search = AssemblySearch::new(parts.clone(), request)?;
     let found = search.run(&context.progress);
     context.progress.finish();
     let found = found?;
-    let Some(best) = found.assemblies.first() else {
+    if found.assemblies.is_empty() {
         return Err(AssemblyError::NothingFits.into());
+    }
+    let report = AssemblyReport {
+        result: found,
+        names,
     };
+    let text =
+        (report.json()).map_err(|e| CommandError::failure(report_file.display().to_string(), e))?;
+    atomic::write(&report_file, text.as_bytes())?;
+    let best = &report.result.assemblies[0];
     write_scene(&args.output, best, &parts, unit)?;
-    let report = Report::new(&found, &names);
-    let text = serde_json::to_vec_pretty(&report)
-        .map_err(|e| CommandError::failure(report_file.display().to_string(), e))?;
-    atomic::write(&report_file, &text)?;
     if let Some(file) = &args.html {
         let title = args.output.file_stem().unwrap_or_default();
         let page = page(&title.to_string_lossy(), best, &parts);
         atomic::write(file, page.as_bytes())?;
     }
-    context.show(&report, || print(&found, &names, &args.output))?;
+    write_exports(args, best, &parts, &files)?;
+    context.show(&report.summary(), || {
+        print(&report.result, &report.names, &args.output);
+    })?;
     match interrupted() {
         true => Err(CommandError::Interrupted),
         false => Ok(()),
@@ -65,17 +77,16 @@ pub(super) fn run(args: &AssembleArgs, context: &Context) -> Result<(), CommandE
 }
 
 /// The parts of all files that are wanted, each in its own frame, and the unit of the first file.
-fn read_parts(args: &AssembleArgs) -> Result<(Vec<LoosePart>, LengthUnit), CommandError> {
-    let files = files(&args.parts)?;
+fn read_parts(
+    args: &AssembleArgs,
+    files: &[PathBuf],
+) -> Result<(Vec<LoosePart>, LengthUnit), CommandError> {
     let each_solid = args.solids || files.len() == 1;
     let mut parts: Vec<LoosePart> = Vec::new();
     let mut names = BTreeSet::new();
     let mut unit = None;
     for file in files {
-        let (solids, stated) = match each_solid {
-            true => read_solids(&file, args)?,
-            false => read_whole(&file, args)?,
-        };
+        let (solids, stated) = read_file(file, each_solid, args.unit, &args.reading)?;
         unit = unit.or(stated);
         for (name, mesh) in solids {
             parts.push(LoosePart {
@@ -95,64 +106,6 @@ fn read_parts(args: &AssembleArgs) -> Result<(Vec<LoosePart>, LengthUnit), Comma
         parts.retain(|p| args.only.contains(&p.name));
     }
     Ok((parts, unit.unwrap_or(args.unit)))
-}
-
-/// A file as one part.
-fn read_whole(file: &Path, args: &AssembleArgs) -> Result<Named, CommandError> {
-    let reading = &args.reading;
-    let limit = Duration::from_secs(reading.step_time_limit);
-    let options = ReadOptions::choosing(args.unit, None, reading.segments_per_turn)
-        .within(limit, reading.lossy);
-    let opened = MeshFile::open(file, &options.step)?;
-    let (mesh, report) = opened.clean(&options)?;
-    for warning in report.warnings() {
-        remark!("{warning}");
-    }
-    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
-    Ok((vec![(stem.into_owned(), mesh)], opened.stated_unit()))
-}
-
-/// The solids of a file.
-fn read_solids(file: &Path, args: &AssembleArgs) -> Result<Named, CommandError> {
-    let options = SolidOptions {
-        unit: args.unit,
-        segments_per_turn: args.reading.segments_per_turn,
-        step_time_limit: Duration::from_secs(args.reading.step_time_limit),
-        lossy: args.reading.lossy,
-        ..SolidOptions::default()
-    };
-    let set = SolidSet::read(file, &options)?;
-    let solids = set.solids.iter().enumerate();
-    let named = solids.map(|(i, solid)| (set.called(i), solid.mesh.clone()));
-    Ok((named.collect(), Some(set.unit())))
-}
-
-/// The files that are named, and those of the folders that are named, in the order of their names.
-fn files(named: &[PathBuf]) -> Result<Vec<PathBuf>, CommandError> {
-    let mut found = Vec::new();
-    for path in named {
-        if !path.is_dir() {
-            found.push(path.clone());
-            continue;
-        }
-        let entries = std::fs::read_dir(path).map_err(|e| CommandError::read(path, e))?;
-        let mut inside = Vec::new();
-        for entry in entries {
-            let file = entry.map_err(|e| CommandError::read(path, e))?.path();
-            let ending = file.extension().unwrap_or_default().to_string_lossy();
-            if MESHES.contains(&ending.to_lowercase().as_str()) {
-                inside.push(file);
-            }
-        }
-        if inside.is_empty() {
-            let expected = format!("files that end with {}", MESHES.join(", "));
-            let name = path.display().to_string();
-            return Err(CommandError::input(name, "folder", expected, "none"));
-        }
-        inside.sort();
-        found.extend(inside);
-    }
-    Ok(found)
 }
 
 fn request(args: &AssembleArgs, names: &[String]) -> Result<AssemblyRequest, CommandError> {
@@ -200,143 +153,6 @@ fn write_scene(
     let set = SolidSet::assembled("loose parts", placed, unit);
     set.all_but(set.solids.len() - 1)?.write(file)?;
     Ok(())
-}
-
-/// An assembly search for programs: metres, nats, poses `x, y, z, qx, qy, qz, qw`.
-#[derive(Serialize)]
-struct Report {
-    /// All parts that were given.
-    parts: Vec<String>,
-    /// Parts of equal shape, where there are several.
-    equal: Vec<Vec<String>>,
-    /// Whether no other assembly is nearly as good.
-    certain: bool,
-    /// The best first.
-    assemblies: Vec<AssemblyReport>,
-    pairs: Vec<PairReport>,
-    pair_seconds: f64,
-    beam_seconds: f64,
-    seconds: f64,
-}
-
-#[derive(Serialize)]
-struct AssemblyReport {
-    score: f64,
-    /// In the order in which they go together.
-    placed: Vec<PlacedReport>,
-    left_over: Vec<String>,
-    mates: Vec<MateReport>,
-    /// Whether it comes apart; none if that was not tried.
-    comes_apart: Option<bool>,
-    /// Parts that block each other.
-    locked: Vec<Vec<String>>,
-    /// What goes in, step by step, in words.
-    steps: Vec<String>,
-}
-
-#[derive(Serialize)]
-struct PlacedReport {
-    part: String,
-    pose: [f64; 7],
-}
-
-#[derive(Serialize)]
-struct MateReport {
-    parts: [String; 2],
-    joint: &'static str,
-    freedoms: usize,
-    information: f64,
-    mating_area: f64,
-    overlap: f64,
-}
-
-#[derive(Serialize)]
-struct PairReport {
-    parts: [String; 2],
-    places: usize,
-    rank: Option<f64>,
-    seconds: f64,
-}
-
-impl Report {
-    fn new(found: &AssemblyResult, names: &[String]) -> Self {
-        let called =
-            |parts: &[usize]| -> Vec<String> { parts.iter().map(|p| names[*p].clone()).collect() };
-        let equal = found.shapes.iter().filter(|s| s.len() > 1);
-        let pairs = found.pairs.iter().map(|p| PairReport {
-            parts: p.parts.map(|part| names[part].clone()),
-            places: p.places,
-            rank: p.rank,
-            seconds: p.seconds,
-        });
-        Self {
-            parts: names.to_vec(),
-            equal: equal.map(|s| called(s)).collect(),
-            certain: found.is_certain(),
-            assemblies: (found.assemblies.iter())
-                .map(|a| AssemblyReport::new(a, names))
-                .collect(),
-            pairs: pairs.collect(),
-            pair_seconds: found.pair_seconds,
-            beam_seconds: found.beam_seconds,
-            seconds: found.seconds,
-        }
-    }
-}
-
-impl AssemblyReport {
-    fn new(assembly: &Assembly, names: &[String]) -> Self {
-        let called =
-            |parts: &[usize]| -> Vec<String> { parts.iter().map(|p| names[*p].clone()).collect() };
-        let apart = assembly.disassembly.as_ref();
-        let mate = |m: &Mate| MateReport {
-            parts: m.parts.map(|part| names[part].clone()),
-            joint: m.joint.kind.name(),
-            freedoms: m.joint.kind.freedoms(),
-            information: m.information,
-            mating_area: m.area,
-            overlap: m.overlap,
-        };
-        Self {
-            score: assembly.score,
-            placed: (assembly.placed.iter())
-                .map(|p| PlacedReport {
-                    part: names[p.part].clone(),
-                    pose: pose_fields(&p.pose),
-                })
-                .collect(),
-            left_over: called(&assembly.left_over),
-            mates: assembly.mates.iter().map(mate).collect(),
-            comes_apart: apart.map(|d| d.locked.is_empty()),
-            locked: apart.map_or(Vec::new(), |d| {
-                d.locked.iter().map(|l| called(&l.parts)).collect()
-            }),
-            steps: steps_in(assembly, names).into_iter().map(|s| s.0).collect(),
-        }
-    }
-}
-
-/// The steps in which an assembly goes together: words, what moves, what stays, and the path in.
-fn steps_in(
-    assembly: &Assembly,
-    names: &[String],
-) -> Vec<(String, Vec<usize>, Vec<usize>, PathResult)> {
-    let Some(apart) = &assembly.disassembly else {
-        return Vec::new();
-    };
-    let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    let step = |s: &pegfit_path::DisassemblyStep| {
-        let path = s.path.clone().reversed();
-        let named = |parts: &[usize]| parts.iter().map(|p| names[*p]).collect::<Vec<_>>();
-        let said = format!(
-            "{} onto {}: {}",
-            named(&s.parts).join(" + "),
-            named(&s.rest).join(", "),
-            words(&path.motions, &Placement::default())
-        );
-        (said, s.parts.clone(), s.rest.clone(), path)
-    };
-    apart.steps.iter().rev().map(step).collect()
 }
 
 /// A page that puts the parts together.

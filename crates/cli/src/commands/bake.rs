@@ -4,23 +4,30 @@ use std::path::Path;
 use std::time::Instant;
 
 use fft_correlate::{
-    BakeResult, EnergyTable, ErrorReport, FieldNodes, Launcher, Share, Storage, TableFiles,
-    TablePlan, TableSpec, TableStore, bake,
+    BakeResult, EnergyTable, ErrorReport, FieldNodes, Share, Storage, TableFiles, TablePlan,
+    TableSpec, TableStore, bake,
 };
 use pegfit_scene::{Scene, SceneSetup, TableReference, held_out_poses};
 use serde::Serialize;
 
+use super::worker_share::{Batch, WorkerShare};
 use super::{scenes, stored, tolerance};
 use crate::args::BakeArgs;
 use crate::bytes::display_bytes;
 use crate::context::Context;
-use crate::error::{CommandError, refuse};
+use crate::error::CommandError;
 use crate::report::output::require_folder;
+
+/// What is shared.
+const BATCH: Batch = Batch {
+    does: "bakes",
+    all: "all of the table",
+};
 
 #[derive(Serialize)]
 struct Summary {
     table: String,
-    share: Part,
+    share: WorkerShare,
     rotations: usize,
     computed: usize,
     repaired: usize,
@@ -46,7 +53,7 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
     if args.status {
         return status(args, context);
     }
-    let part = part(args)?;
+    let part = WorkerShare::of(args.rank, args.size, &BATCH)?;
     part.note(context);
     require_place(&args.output)?;
     let (design, reference) = prepare(args, context)?;
@@ -56,7 +63,11 @@ pub(super) fn run(args: &BakeArgs, context: &Context) -> Result<(), CommandError
         ..design.table.spec.clone()
     };
     let energies = design.setup.energies(&design.table)?;
-    let share = part.share(args.resume);
+    let share = Share {
+        rank: part.rank,
+        size: part.size,
+        resume: args.resume,
+    };
     let report = bake(&args.output, &spec, &energies, share, &context.progress)
         .map_err(|e| stored::bake_error(&args.output, e))?;
     context.progress.finish();
@@ -156,80 +167,6 @@ fn check_tolerance(args: &BakeArgs, reached: Option<f64>) -> Result<(), CommandE
     }
 }
 
-/// Which of how many processes this is.
-#[derive(Debug, Clone, Serialize)]
-struct Part {
-    rank: usize,
-    size: usize,
-    /// The launcher that set it, if it was not the command line.
-    launcher: Option<String>,
-}
-
-impl Part {
-    fn share(&self, resume: bool) -> Share {
-        Share {
-            rank: self.rank,
-            size: self.size,
-            resume,
-        }
-    }
-
-    /// What a launcher's environment was taken for.
-    fn description(&self) -> Option<String> {
-        let launcher = self.launcher.as_ref()?;
-        let (rank, size) = (self.rank, self.size);
-        Some(match size {
-            1 => format!("rank 0 of 1, all of the table: so says the environment ({launcher})"),
-            _ => format!(
-                "rank {rank} of {size}, so says the environment ({launcher}); `--rank 0 --size 1` \
-                 bakes all of the table"
-            ),
-        })
-    }
-
-    /// Tells it before the work.
-    fn note(&self, context: &Context) {
-        if let Some(told) = self.description() {
-            context.progress.note(&told);
-        }
-    }
-}
-
-/// The options, else the launcher's environment, else all of it.
-fn part(args: &BakeArgs) -> Result<Part, CommandError> {
-    let given = |rank, size| Part {
-        rank,
-        size,
-        launcher: None,
-    };
-    let part = match (args.rank, args.size) {
-        (Some(rank), Some(size)) => given(rank, size),
-        (Some(_), None) => {
-            return refuse("--size", "given with --rank", "none");
-        }
-        (None, size) => {
-            let found = Launcher::from_env(size)
-                .map_err(|e| CommandError::bad_input("launcher's environment", e))?;
-            match (found, size) {
-                (Some(launcher), _) => Part {
-                    rank: launcher.rank,
-                    size: launcher.size,
-                    launcher: Some(launcher.source),
-                },
-                (None, Some(size)) if size != 1 => {
-                    return refuse("--rank", "given with --size", "none");
-                }
-                (None, _) => given(0, 1),
-            }
-        }
-    };
-    if part.rank >= part.size {
-        let expected = format!("below --size {}", part.size);
-        return refuse("--rank", expected, part.rank);
-    }
-    Ok(part)
-}
-
 fn status(args: &BakeArgs, context: &Context) -> Result<(), CommandError> {
     // The scene is read so that a mistake in it is found before the bake, not after.
     Scene::read(&args.scene.file)?;
@@ -267,7 +204,7 @@ fn measure(
 
 fn summary(
     args: &BakeArgs,
-    share: Part,
+    share: WorkerShare,
     report: &BakeResult,
     store: &TableStore,
     (seconds, nodes): (f64, FieldNodes),

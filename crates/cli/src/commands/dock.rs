@@ -6,7 +6,7 @@ use std::sync::Arc;
 use fft_correlate::dock::Ranking;
 use fft_correlate::mating::{Joint, JointKind};
 use fft_correlate::{
-    DockingPose, DockingRequest, DockingResult, FieldNodes, Placement, Pose, ScoreModel, from_fit,
+    DockingPose, DockingRequest, DockingResult, FieldNodes, Placement, ScoreModel, from_fit,
 };
 use glam::DVec3;
 use pegfit_scene::SceneSetup;
@@ -15,6 +15,7 @@ use sdf_grid::{RepairOptions, atomic, mesh_io};
 use serde::Serialize;
 
 use super::dock_export::write_exports;
+use super::docked_pose::DockedPose;
 use super::scenes::{self, parse_pose};
 
 use crate::args::{DockArgs, RankChoice};
@@ -56,59 +57,6 @@ struct EnergySummary {
     spacings: [f64; 2],
     docking_model: ScoreModel,
     milliseconds_per_rotation: f64,
-}
-
-#[derive(Clone, Serialize)]
-struct DockedPose {
-    position: [f64; 3],
-    rotation: [f64; 4],
-    /// What ranks poses by contact, nats.
-    hold: f64,
-    /// Information of contact, nats.
-    information: f64,
-    /// Area of the moving part's faces that lie against opposite faces of the fixed one, square
-    /// metres, and its share of the moving part's surface.
-    mating_area: f64,
-    mating_share: f64,
-    /// Share of the directions in which nothing blocks a displacement.
-    escape: f64,
-    /// Share of the moving part's volume that the fixed part fills as well.
-    overlap: f64,
-    /// How deep a point of either part lies in the other at most, metres.
-    penetration: f64,
-    /// The score as a share of what the smaller part would score in a perfect mould of itself, 0 to 1.
-    quality: Option<f64>,
-    /// Under the docking weights, joules.
-    energy: Option<f64>,
-    /// Under the scene's model, joules.
-    model_energy: Option<f64>,
-    joint: DockedJoint,
-    /// Other poses in which the same contact holds the part: position and rotation of each.
-    alike: Vec<([f64; 3], [f64; 4])>,
-    half_width: Option<f64>,
-    refined: bool,
-    /// The sum of the absolute terms of the score under the docking weights over the score: how far
-    /// they cancel. Of the best poses of a search by energy only.
-    condition: Option<f64>,
-}
-
-/// What contact leaves free.
-#[derive(Clone, Serialize)]
-struct DockedJoint {
-    kind: &'static str,
-    /// Motions that are free.
-    freedoms: usize,
-    /// In the scene: direction, and a point, metres; none of joints without an axis.
-    axis: Option<[f64; 3]>,
-    point: Option<[f64; 3]>,
-    /// The same in the moving part's frame, as it lies in the scene before it is moved.
-    moving_axis: Option<[f64; 3]>,
-    moving_point: Option<[f64; 3]>,
-    /// Metres per turn of a screw, positive if right-handed.
-    pitch: Option<f64>,
-    /// Travel along the axis, metres, and about it, radians, from the pose.
-    slide: Option<[f64; 2]>,
-    turn: Option<[f64; 2]>,
 }
 
 pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError> {
@@ -291,58 +239,6 @@ fn ranked_by(ranking: Ranking) -> &'static str {
     }
 }
 
-impl DockedPose {
-    fn new(pose: &DockingPose, placement: &Placement) -> Self {
-        let found = &pose.found;
-        let row = |pose: &Pose| {
-            let at = placement.to_scene(pose);
-            (at.translation.to_array(), at.rotation.to_array())
-        };
-        let (position, rotation) = row(&found.pose);
-        let known = |v: f64| v.is_finite().then_some(v);
-        Self {
-            position,
-            rotation,
-            hold: pose.rank,
-            information: pose.hold.information,
-            mating_area: pose.mating_area,
-            mating_share: pose.hold.share,
-            escape: pose.hold.escape,
-            overlap: pose.overlap,
-            penetration: pose.interference.depth,
-            quality: known(pose.quality),
-            energy: known(found.energy),
-            model_energy: known(pose.model_energy),
-            joint: DockedJoint::new(&pose.joint, &found.pose, placement),
-            alike: pose.alike.iter().map(row).collect(),
-            half_width: found.half_width,
-            refined: found.refined,
-            condition: pose.condition,
-        }
-    }
-}
-
-impl DockedJoint {
-    fn new(joint: &Joint, pose: &Pose, placement: &Placement) -> Self {
-        let has_axis = joint.axis != DVec3::ZERO;
-        let has_point = has_axis || joint.kind == JointKind::Ball;
-        let fixed = placement.fixed;
-        let (axis, point) = joint.in_moving_frame(pose);
-        let moving = placement.moving;
-        Self {
-            kind: joint.kind.name(),
-            freedoms: joint.kind.freedoms(),
-            axis: has_axis.then(|| (fixed.rotation * joint.axis).to_array()),
-            point: has_point.then(|| fixed.apply(joint.point).to_array()),
-            moving_axis: has_axis.then(|| (moving.rotation * axis).to_array()),
-            moving_point: has_point.then(|| moving.apply(point).to_array()),
-            pitch: (joint.kind == JointKind::Screw).then_some(joint.pitch),
-            slide: joint.slide.map(|t| t.range),
-            turn: joint.turn.map(|t| t.range),
-        }
-    }
-}
-
 /// Columns behind those of the pose.
 const COLUMNS: [&str; 29] = [
     "hold",
@@ -406,7 +302,7 @@ fn write(
         row.extend(numbers.map(|v| v.to_string()));
         row.extend([docked.quality, docked.energy, docked.model_energy].map(number));
         row.push(docked.alike.len().to_string());
-        row.push(joint.kind.to_owned());
+        row.push(joint.kind.to_string());
         row.push(joint.freedoms.to_string());
         row.extend(three(joint.axis));
         row.extend(three(joint.point));

@@ -7,6 +7,7 @@ use crate::memory;
 use crate::terminal::progress::Progress;
 
 mod assemble;
+mod assemble_export;
 mod bake;
 mod check;
 mod demo;
@@ -14,6 +15,7 @@ mod devices;
 mod disassemble;
 mod dock;
 mod dock_export;
+mod docked_pose;
 
 mod feel;
 mod field;
@@ -21,6 +23,7 @@ mod field;
 mod haptic_session;
 mod joint;
 mod manual;
+mod part_files;
 mod path;
 mod play;
 mod plot;
@@ -29,10 +32,13 @@ mod resume;
 mod scene;
 mod scenes;
 mod score;
+mod screen;
+mod screen_rows;
 mod stored;
 mod table;
 mod tolerance;
 mod verify;
+mod worker_share;
 
 /// Runs the command that was asked for.
 ///
@@ -54,6 +60,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), CommandError> {
         Command::Table(args) => table::run(args, &context),
         Command::Verify(args) => verify::run(args, &context),
         Command::Dock(args) => dock::run(args, &context),
+        Command::Screen(args) => screen::run(args, &context),
         Command::Path(args) => path::run(args, &context),
         Command::Disassemble(args) => disassemble::run(args, &context),
         Command::Assemble(args) => assemble::run(args, &context),

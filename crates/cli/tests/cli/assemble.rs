@@ -66,3 +66,33 @@ fn what_cannot_be_assembled_is_refused() {
     }
     assert!(!folder.path().join("assembly.toml").exists());
 }
+
+/// Every export has both parts; the meshes that are read stay as they are.
+#[test]
+fn an_assembly_is_exported() {
+    let folder = loose_folder();
+    let root = folder.path();
+    let line = "assemble parts --unit m -o whole.toml -q --glb whole.glb --exploded apart.glb \
+                --urdf whole.urdf --mjcf whole.xml";
+    succeed(root, &words(line));
+    for file in ["whole.glb", "apart.glb", "whole.urdf"] {
+        let listed = succeed(root, &["scene", file]);
+        assert!(
+            listed.contains("hole") && listed.contains("peg"),
+            "{file}: {listed}"
+        );
+    }
+    assert_ne!(
+        std::fs::read(root.join("whole.glb")).unwrap(),
+        std::fs::read(root.join("apart.glb")).unwrap()
+    );
+    let text = std::fs::read_to_string(root.join("whole.xml")).unwrap();
+    assert!(
+        text.contains("<body name=\"peg\"") && text.contains("type=\"slide\""),
+        "{text}"
+    );
+    assert!(root.join("whole-peg.obj").exists());
+    std::fs::copy(root.join("whole.glb"), root.join("parts/peg.glb")).unwrap();
+    let said = refuse(root, &words("assemble parts --unit m --glb parts/peg.glb"));
+    assert!(said.contains("another name than that of a part"), "{said}");
+}

@@ -13,7 +13,8 @@ use haptic::{
 use pegfit::terminal::progress;
 use pegfit::terminal::progress::Hold;
 
-use crate::common::{scene_folder, succeed};
+use crate::common::{scene_folder, succeed, words};
+use crate::screen::library_folder;
 
 /// Sends the interrupt signal that Ctrl-C sends.
 fn interrupt(child: &Child) {
@@ -53,6 +54,64 @@ fn an_interrupted_bake_keeps_its_rotations_and_resumes() {
     assert!(status["finished"].as_u64().unwrap() >= 18, "{status}");
     assert!(status["missing"].as_u64().unwrap() > 0, "{status}");
     assert_eq!(status["damaged"], 0);
+}
+
+#[test]
+fn an_interrupted_screen_keeps_its_rows_and_resumes() {
+    let folder = library_folder();
+    // Many seconds of work.
+    for i in 0..40 {
+        let library = folder.path().join("library");
+        std::fs::copy(
+            library.join("pegs/peg.obj"),
+            library.join(format!("peg-{i}.obj")),
+        )
+        .unwrap();
+    }
+    let line = "screen hole.obj --library library --unit m -o t.csv";
+    let mut child = Command::new(env!("CARGO_BIN_EXE_pegfit"))
+        .current_dir(folder.path())
+        .args(words(line))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let rows = folder.path().join("t.csv.rows");
+    let kept = || std::fs::read_dir(&rows).map_or(0, |entries| entries.count());
+    let began = Instant::now();
+    while kept() < 3 {
+        assert!(
+            began.elapsed() < Duration::from_secs(600),
+            "no part was screened"
+        );
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    interrupt(&child);
+    let mut said = String::new();
+    std::io::Read::read_to_string(&mut child.stdout.take().unwrap(), &mut said).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert!(
+        said.contains("t.csv.rows; the same command with --resume goes on"),
+        "{said}"
+    );
+    assert!(!folder.path().join("t.csv").exists());
+    let status = format!("{line} --status --json");
+    let status: serde_json::Value =
+        serde_json::from_str(&succeed(folder.path(), &words(&status))).unwrap();
+    let finished = status["finished"].as_u64().unwrap();
+    assert!((3..43).contains(&finished), "{status}");
+    // Two more of the library, then an end: the others go.
+    for i in 2..40 {
+        std::fs::remove_file(folder.path().join(format!("library/peg-{i}.obj"))).unwrap();
+    }
+    let line = format!("{line} --resume --json -q");
+    let summary: serde_json::Value =
+        serde_json::from_str(&succeed(folder.path(), &words(&line))).unwrap();
+    assert_eq!(
+        (&summary["complete"], &summary["files"]),
+        (&true.into(), &5.into())
+    );
+    assert!(summary["screened"].as_u64().unwrap() <= 2, "{summary}");
 }
 
 /// A loop of ten minutes that logs to `log.csv`, once it runs.

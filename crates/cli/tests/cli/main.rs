@@ -19,5 +19,6 @@ mod plot;
 mod scene;
 mod scenes;
 mod score;
+mod screen;
 #[cfg(unix)]
 mod written;

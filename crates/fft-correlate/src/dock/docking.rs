@@ -35,7 +35,7 @@ const STEP_DEG: f64 = 15.0;
 
 /// A rank from which on poses that contact holds need no search by energy, nats: more than a part
 /// that lies on a face, or in a corner, has.
-const CONVINCING: f64 = 8.0;
+pub const CONVINCING: f64 = 8.0;
 
 /// Energies that are only reported are of a lattice this much wider than the pair's own, unless the
 /// scene states its spacing, and wider still where the fields would need more bytes than these.
@@ -67,6 +67,9 @@ pub struct DockingRequest {
     /// By contact: parts that are there already, in the fixed part's frame: the moving part touches
     /// them, but does not overlap them.
     pub others: Vec<Arc<TriangleMesh>>,
+    /// By contact: no search by energy where contact holds the part nowhere, which takes far longer;
+    /// such a pair has no pose ([`DockingError::NothingMates`]). For screening many parts.
+    pub contact_only: bool,
 }
 
 /// What ranks poses.
@@ -93,6 +96,7 @@ impl Default for DockingRequest {
             near: None,
             axis: None,
             others: Vec::new(),
+            contact_only: false,
         }
     }
 }
@@ -260,7 +264,7 @@ impl<'a> Docking<'a> {
         // A state file and an exhaustive search are of energies: whoever asks for them gets both.
         let asked = self.options.exhaustive || self.options.state.is_some();
         let convincing = held.first().is_some_and(|h| h.rank >= CONVINCING);
-        let allowed = self.unknown_to_energy().is_none();
+        let allowed = self.unknown_to_energy().is_none() && !self.options.contact_only;
         if allowed && (asked || !convincing) && !monitor.cancelled() {
             match self.run_by_energy(monitor) {
                 Ok(found) => {

@@ -11,7 +11,7 @@ pub(crate) mod refine;
 pub(crate) mod search;
 mod state;
 
-pub use docking::{EnergySearch, Ranking};
+pub use docking::{CONVINCING, EnergySearch, Ranking};
 pub use grid_levels::GridLevels;
 pub use local_refinement::{CLOSE, FoundPose, SearchStage};
 pub use options::DOCKING_RATIO;

@@ -5,6 +5,7 @@ part's (or the scene's): x y z qx qy qz qw. Energy is lowest where the parts fit
 are minus its gradient. `docs/python.md` is the page to read.
 """
 
+from pegfit._assembly import Assembly, Mate, assemble
 from pegfit._core import VERSION as __version__
 from pegfit._errors import DeviceError, MeshError, PegfitError, PoseError, SceneError, TableError
 from pegfit._insertion_path import InsertionPath
@@ -18,6 +19,7 @@ from pegfit._source import REAL_TIME_POINTS, Evaluator, Source, Table
 __all__ = [
     "REAL_TIME_POINTS",
     "TICK",
+    "Assembly",
     "Density",
     "DeviceError",
     "Docking",
@@ -25,6 +27,7 @@ __all__ = [
     "ForcePath",
     "InsertionPath",
     "Joint",
+    "Mate",
     "Mesh",
     "MeshError",
     "MeshReport",
@@ -40,6 +43,7 @@ __all__ = [
     "Table",
     "TableError",
     "__version__",
+    "assemble",
     "density",
     "feel",
     "peg_in_hole",

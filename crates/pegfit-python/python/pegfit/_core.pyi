@@ -21,6 +21,7 @@ __all__ = [
     "REAL_TIME_POINTS",
     "VERSION",
     "Way",
+    "assemble",
     "bake_table",
     "command",
     "correlate",
@@ -136,6 +137,12 @@ class ForcePath:
     ) -> tuple[list[float], list[float], float, float, float, int]: ...
     def stiffness(self) -> list[float]: ...
 
+def assemble(
+    parts: list[tuple[str, Mesh]],
+    known: tuple[Optional[int], list[tuple[int, list[float]]]],
+    search: tuple[Optional[float], int, int, float],
+    progress: _Progress,
+) -> str: ...
 def correlate(
     pair: Pair,
     rotation: _Four,

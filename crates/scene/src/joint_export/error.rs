@@ -1,11 +1,11 @@
-//! Why a docked pair cannot be written.
+//! Why docked parts cannot be written.
 
 use std::path::PathBuf;
 
 use sdf_grid::MeshError;
 use sdf_grid::atomic::AtomicError;
 
-/// Why a docked pair cannot be written. Every variant names the file.
+/// Why docked parts cannot be written. Every variant names the file.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// A description cannot be written.
@@ -30,6 +30,25 @@ pub enum ExportError {
         path: PathBuf,
         /// The mesh.
         mesh: PathBuf,
+    },
+    /// A GLB would be too large for the format.
+    #[error(
+        "{}: a GLB has 2 GiB of meshes at most, found {bytes} bytes: simplify the meshes",
+        path.display()
+    )]
+    Large {
+        /// The file.
+        path: PathBuf,
+        /// Of all meshes.
+        bytes: usize,
+    },
+    /// A GLB cannot be put together.
+    #[error("cannot write {}", path.display())]
+    Glb {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: Box<gltf::Error>,
     },
     /// The mates cannot be turned into text.
     #[error("cannot write {}", path.display())]

@@ -12,6 +12,7 @@ use super::error::ExportError;
 use super::files::write_meshes;
 use super::overlap::Overlap;
 use super::pair::DockedPair;
+use super::tree::Model;
 
 /// Normals and axes that turn from each other by less are parallel: 2 degrees.
 const PARALLEL_COSINE: f64 = 0.9994;
@@ -188,9 +189,11 @@ pub fn mates(pair: &DockedPair) -> Mates {
 /// # Errors
 /// If a file cannot be written, or a mesh would replace one that the pair keeps.
 pub fn write_mates(pair: &DockedPair, path: &Path) -> Result<(), ExportError> {
-    let names = write_meshes(pair, path)?;
+    let names = write_meshes(&Model::from(pair), path)?;
     let mut mates = mates(pair);
-    (mates.fixed.mesh, mates.moving.mesh) = (names.fixed, names.moving);
+    for (part, name) in [&mut mates.fixed, &mut mates.moving].into_iter().zip(names) {
+        part.mesh = name;
+    }
     let text = serde_json::to_vec_pretty(&mates).map_err(|source| ExportError::Text {
         path: path.to_owned(),
         source,

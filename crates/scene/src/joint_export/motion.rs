@@ -2,10 +2,9 @@
 
 use std::f64::consts::{PI, TAU};
 
+use fft_correlate::Pose;
 use fft_correlate::mating::{Joint, JointKind, Travel};
 use glam::DVec3;
-
-use super::pair::DockedPair;
 
 /// A displacement along an axis, or a turn about it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,25 +27,29 @@ pub(super) struct Step {
     pub(super) follows: Option<f64>,
 }
 
-/// The joint of a pair as motions in series.
-#[derive(Debug, Clone, PartialEq)]
+/// A joint as motions in series.
+#[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Series {
     /// The point that turns leave in its place, moving part's own frame, metres.
     pub(super) anchor: DVec3,
     /// Empty if nothing moves, or if contact does not determine the pose.
     pub(super) steps: Vec<Step>,
+    /// More than any displacement along which the parts touch, metres.
+    pub(super) reach: f64,
 }
 
 impl Series {
-    pub(super) fn new(pair: &DockedPair) -> Self {
-        let joint = pair.joint;
-        let (axis, point) = joint.in_moving_frame(&pair.pose);
+    /// The joint of a part at `pose`, both in the frame of the part that it hangs from; no displacement
+    /// goes further than `reach`, metres.
+    pub(super) fn new(joint: &Joint, pose: &Pose, reach: f64) -> Self {
+        let (axis, point) = joint.in_moving_frame(pose);
         let axis = axis.normalize_or_zero();
         let slide = || Step {
             kind: StepKind::Slide,
             name: "slide",
             axis,
-            range: Some(slide_range(pair)),
+            // As far as both parts are long where its end is not known.
+            range: Some(joint.slide.map_or([-reach, reach], |t| t.range)),
             follows: None,
         };
         let turn = || Step {
@@ -97,19 +100,12 @@ impl Series {
         };
         let turns = steps.iter().any(|s| s.kind == StepKind::Turn);
         let anchor = if turns { point } else { DVec3::ZERO };
-        Self { anchor, steps }
+        Self {
+            anchor,
+            steps,
+            reach,
+        }
     }
-}
-
-/// How far the part slides; as far as both parts are long where that is not known.
-fn slide_range(pair: &DockedPair) -> [f64; 2] {
-    let reach = reach(pair);
-    pair.joint.slide.map_or([-reach, reach], |t| t.range)
-}
-
-/// More than any displacement along which the parts touch.
-pub(super) fn reach(pair: &DockedPair) -> f64 {
-    pair.fixed.bounds().diagonal() + pair.moving.bounds().diagonal()
 }
 
 /// How far the part turns, if there is an end.

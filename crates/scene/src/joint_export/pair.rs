@@ -26,20 +26,3 @@ pub struct DockedPair<'a> {
     /// Files that meshes written beside a description must not replace.
     pub kept: Vec<PathBuf>,
 }
-
-impl DockedPair<'_> {
-    /// The name without characters that XML cannot hold.
-    pub(super) fn label(&self) -> String {
-        let kept = |c: char| match c {
-            '\t' | '\n' | '\r' => ' ',
-            c if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') => '_',
-            c => c,
-        };
-        self.name.chars().map(kept).collect()
-    }
-
-    /// The label of one of its links, bodies or joints.
-    pub(super) fn labelled(&self, what: &str) -> String {
-        format!("{}-{what}", self.label())
-    }
-}

@@ -8,10 +8,11 @@ use glam::DVec3;
 use sdf_grid::atomic;
 
 use super::error::ExportError;
-use super::files::{MeshNames, write_meshes};
+use super::files::write_meshes;
 use super::inertia::MassProperties;
-use super::motion::{Series, Step, StepKind, reach};
+use super::motion::{Step, StepKind};
 use super::pair::DockedPair;
+use super::tree::{Link, Model, PartTree};
 use super::xml::{Element, roll_pitch_yaw};
 
 /// URDF asks for the greatest force and speed of every joint; contact does not tell them.
@@ -27,45 +28,63 @@ const VELOCITY: f64 = 10.0;
 /// # Errors
 /// If a file cannot be written, or a mesh would replace one that the pair keeps.
 pub fn write_urdf(pair: &DockedPair, path: &Path) -> Result<(), ExportError> {
-    let names = write_meshes(pair, path)?;
-    Ok(atomic::write(path, text(pair, &names).as_bytes())?)
+    write(&Model::from(pair), path)
+}
+
+/// Writes a tree of parts as URDF, and their meshes as `STEM-PART.obj` beside it.
+///
+/// The links are called after the parts, the first one is `NAME-root`, which is the scene. Joints are
+/// written as those of a pair ([`write_urdf`]).
+///
+/// # Errors
+/// If a file cannot be written, or a mesh would replace one that the tree keeps.
+pub fn write_tree_urdf(tree: &PartTree, path: &Path) -> Result<(), ExportError> {
+    write(&Model::from(tree), path)
+}
+
+fn write(model: &Model, path: &Path) -> Result<(), ExportError> {
+    let meshes = write_meshes(model, path)?;
+    Ok(atomic::write(path, text(model, &meshes).as_bytes())?)
 }
 
 /// The file's text.
-fn text(pair: &DockedPair, names: &MeshNames) -> String {
-    let series = Series::new(pair);
+fn text(model: &Model, meshes: &[String]) -> String {
     let flag = Element::new("flag").with("contact", "disable");
     let mujoco = Element::new("mujoco").child(Element::new("option").child(flag));
-    let [fixed, moving] = [pair.fixed, pair.moving].map(MassProperties::new);
-    let placed = Element::new("joint")
-        .with("name", pair.labelled("place"))
-        .with("type", "fixed")
-        .child(Element::new("parent").with("link", pair.labelled("root")))
-        .child(Element::new("child").with("link", pair.labelled("fixed")))
-        .child(origin(&pair.placed));
+    let parts = model.links.iter().zip(meshes);
     Element::new("robot")
-        .with("name", pair.label())
-        .comment("Made by pegfit. At joint positions of zero the moving part lies where it docked.")
+        .with("name", model.name.clone())
+        .comment(format!("Made by pegfit. {}", model.at_zero))
         .comment("Inertia at 1000 kg/m3; efforts and velocities are mere large numbers.")
-        .comment("MuJoCo would let the convex hulls of both parts collide; others ignore this.")
+        .comment("MuJoCo would let the convex hulls of the parts collide; others ignore this.")
         .child(mujoco)
-        .child(Element::new("link").with("name", pair.labelled("root")))
-        .child(link(pair, "fixed", &names.fixed, &fixed, DVec3::ZERO))
-        .child(placed)
-        .children(between(pair, &series, &moving))
-        .children(joints(pair, &series))
-        .child(link(pair, "moving", &names.moving, &moving, series.anchor))
+        .child(Element::new("link").with("name", model.root.clone()))
+        .children(parts.flat_map(|(link, mesh)| part(model, link, mesh)))
         .document()
 }
 
-/// A part as a link whose origin is `anchor` of the part's own frame.
-fn link(
-    pair: &DockedPair,
-    what: &str,
-    mesh: &str,
-    mass: &MassProperties,
-    anchor: DVec3,
-) -> Element {
+/// A part's link, and the joints that it hangs from with the links between them.
+fn part(model: &Model, link: &Link, mesh: &str) -> Vec<Element> {
+    let mass = MassProperties::new(link.mesh);
+    let body = body(link, mesh, &mass);
+    let Some(parent) = link.parent.map(|p| &model.links[p]) else {
+        let placed = Element::new("joint")
+            .with("name", link.labelled("place"))
+            .with("type", "fixed")
+            .child(Element::new("parent").with("link", model.root.clone()))
+            .child(Element::new("child").with("link", link.label.clone()))
+            .child(origin(&link.pose));
+        return vec![body, placed];
+    };
+    let mut elements = between(link, &mass);
+    elements.extend(joints(link, parent));
+    elements.push(body);
+    elements
+}
+
+/// A part as a link whose origin is the anchor of its joint.
+fn body(link: &Link, mesh: &str, mass: &MassProperties) -> Element {
+    let anchor = link.series.anchor;
     let shape = |name| {
         let file = Element::new("mesh").with("filename", mesh);
         Element::new(name)
@@ -73,7 +92,7 @@ fn link(
             .child(Element::new("geometry").child(file))
     };
     Element::new("link")
-        .with("name", pair.labelled(what))
+        .with("name", link.label.clone())
         .child(inertial(&mass.moved(-anchor)))
         .child(shape("visual"))
         .child(shape("collision"))
@@ -98,52 +117,53 @@ fn origin(pose: &Pose) -> Element {
 }
 
 /// The joints in series of a kind that URDF lacks, or one.
-fn steps(pair: &DockedPair, series: &Series) -> Vec<Step> {
-    match pair.joint.kind {
+fn steps<'a>(link: &'a Link) -> &'a [Step] {
+    match link.joint.kind {
         // URDF has it.
-        JointKind::Planar => Vec::new(),
-        _ => series.steps.clone(),
+        JointKind::Planar => &[],
+        _ => &link.series.steps,
     }
 }
 
 /// Links between joints in series.
-fn between(pair: &DockedPair, series: &Series, moving: &MassProperties) -> Vec<Element> {
-    let count = steps(pair, series).len();
-    let link = |i| {
+fn between(link: &Link, mass: &MassProperties) -> Vec<Element> {
+    let count = steps(link).len();
+    let between = |i| {
         Element::new("link")
-            .with("name", pair.labelled(&between_name(i)))
-            .child(inertial(&moving.negligible()))
+            .with("name", link.labelled(&between_name(i)))
+            .child(inertial(&mass.negligible()))
     };
-    (1..count).map(link).collect()
+    (1..count).map(between).collect()
 }
 
 fn between_name(i: usize) -> String {
     format!("between-{i}")
 }
 
-/// The joints between the parts; the first one stands where the moving part docked.
-fn joints(pair: &DockedPair, series: &Series) -> Vec<Element> {
-    let steps = steps(pair, series);
-    let start = pair.pose * Pose::from_translation(series.anchor);
+/// The joints between a part and its parent; the first one stands where the part docked.
+fn joints(link: &Link, parent: &Link) -> Vec<Element> {
+    let (steps, series) = (steps(link), &link.series);
+    let start = Pose::from_translation(-parent.series.anchor)
+        * link.pose
+        * Pose::from_translation(series.anchor);
     let joint = |name: &str, kind: &str, from: String, to: String, at: &Pose| {
         Element::new("joint")
-            .with("name", pair.labelled(name))
+            .with("name", link.labelled(name))
             .with("type", kind)
             .child(Element::new("parent").with("link", from))
             .child(Element::new("child").with("link", to))
             .child(origin(at))
     };
+    let (above, below) = (parent.label.clone(), link.label.clone());
     if steps.is_empty() {
-        let (name, kind) = match pair.joint.kind {
+        let (name, kind) = match link.joint.kind {
             JointKind::Planar => ("plane", "planar"),
             JointKind::Undetermined(_) => ("free", "floating"),
             _ => ("joint", "fixed"),
         };
-        let ends = ["fixed", "moving"].map(|what| pair.labelled(what));
-        let [from, to] = ends;
-        let only = joint(name, kind, from, to, &start);
-        let only = match pair.joint.kind {
-            JointKind::Planar => only.child(axis(pair.joint.in_moving_frame(&pair.pose).0)),
+        let only = joint(name, kind, above, below, &start);
+        let only = match link.joint.kind {
+            JointKind::Planar => only.child(axis(link.joint.in_moving_frame(&link.pose).0)),
             JointKind::Undetermined(count) => only.comment(undetermined(count)),
             _ => only,
         };
@@ -152,12 +172,12 @@ fn joints(pair: &DockedPair, series: &Series) -> Vec<Element> {
     let last = steps.len() - 1;
     let one = |(i, step): (usize, &Step)| {
         let from = match i {
-            0 => pair.labelled("fixed"),
-            _ => pair.labelled(&between_name(i)),
+            0 => above.clone(),
+            _ => link.labelled(&between_name(i)),
         };
         let to = match i == last {
-            true => pair.labelled("moving"),
-            false => pair.labelled(&between_name(i + 1)),
+            true => below.clone(),
+            false => link.labelled(&between_name(i + 1)),
         };
         let kind = match (step.kind, step.range) {
             (StepKind::Slide, _) => "prismatic",
@@ -167,11 +187,11 @@ fn joints(pair: &DockedPair, series: &Series) -> Vec<Element> {
         let at = if i == 0 { start } else { Pose::IDENTITY };
         let element = joint(step.name, kind, from, to, &at)
             .child(axis(step.axis))
-            .child(limit(pair, step));
+            .child(limit(series.reach, step));
         match step.follows {
             Some(factor) => element.child(
                 Element::new("mimic")
-                    .with("joint", pair.labelled(steps[0].name))
+                    .with("joint", link.labelled(steps[0].name))
                     .numbers("multiplier", &[factor])
                     .numbers("offset", &[0.0]),
             ),
@@ -185,11 +205,11 @@ fn axis(axis: DVec3) -> Element {
     Element::new("axis").vector("xyz", axis)
 }
 
-fn limit(pair: &DockedPair, step: &Step) -> Element {
+fn limit(reach: f64, step: &Step) -> Element {
     let limit = Element::new("limit");
     let range = match (step.kind, step.range) {
         // A slide must have limits.
-        (StepKind::Slide, None) => Some([-reach(pair), reach(pair)]),
+        (StepKind::Slide, None) => Some([-reach, reach]),
         (_, range) => range,
     };
     let limit = match range {

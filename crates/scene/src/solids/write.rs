@@ -57,6 +57,21 @@ pub fn unique_name(names: &mut BTreeSet<String>, name: &str) -> String {
     free
 }
 
+/// What a file of something called `name` is called, without ending: letters, digits and hyphens, with
+/// a number if it is among `names`; the answer is added to them.
+pub(crate) fn file_name(names: &mut BTreeSet<String>, name: &str) -> String {
+    let kept = |c: char| match c {
+        c if c.is_alphanumeric() || c == '-' => c,
+        _ => '_',
+    };
+    let name: String = name.chars().take(60).map(kept).collect();
+    let name = match name.is_empty() {
+        true => "solid".to_owned(),
+        false => name,
+    };
+    unique_name(names, &name).replace(' ', "-")
+}
+
 struct Writer<'a> {
     draft: &'a SceneDraft<'a>,
     folder: PathBuf,
@@ -161,20 +176,7 @@ impl<'a> Writer<'a> {
 
     /// Writes a solid's mesh beside the scene; its path from there.
     fn mesh(&mut self, solid: &PlacedSolid) -> Result<String, ImportError> {
-        let kept = |c: char| {
-            if c.is_alphanumeric() || c == '-' {
-                c
-            } else {
-                '_'
-            }
-        };
-        let name: String = solid.name.chars().take(60).map(kept).collect();
-        let name = if name.is_empty() {
-            "solid".to_owned()
-        } else {
-            name
-        };
-        let name = unique_name(&mut self.names, &name).replace(' ', "-");
+        let name = file_name(&mut self.names, &solid.name);
         let folder = self.folder.join(&self.parts);
         std::fs::create_dir_all(&folder).map_err(|source| AtomicError {
             path: folder.clone(),

@@ -89,13 +89,13 @@ fn bounds<'a>(parts: impl Iterator<Item = &'a Pushed>) -> Aabb {
 fn direction(step: &DisassemblyStep, pushed: &[Pushed]) -> DVec3 {
     let own = bounds(pushed.iter().filter(|p| step.parts.contains(&p.part)));
     let centre = own.center();
-    let shifts = step
+    let mut shifts = step
         .path
         .poses
         .iter()
         .map(|p| p.pose.apply(centre) - centre);
     let far = |shift: &DVec3| shift.length() >= FIRST * own.diagonal();
-    let shift = shifts.clone().find(far).or(shifts.last());
+    let shift = shifts.clone().find(far).or(shifts.next_back());
     shift.unwrap_or(DVec3::Z).normalize_or(DVec3::Z)
 }
 

@@ -52,7 +52,7 @@ pub(crate) fn assemble(
 ) -> PyResult<String> {
     let (mating_clearance, beam, top, seconds) = search;
     // Written so that NaN is refused.
-    if !(seconds >= 0.0 && seconds <= LONGEST) {
+    if !(0.0..=LONGEST).contains(&seconds) {
         let expected = "seconds, not negative, a week at most";
         return Err(Failure::found(Kind::Scene, "seconds", expected, seconds).into());
     }

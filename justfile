@@ -183,6 +183,11 @@ docking-joints SEEDS="1..2" *ARGS:
     cargo run --release -p pegfit-benches --bin docking -- --joints {{SEEDS}} --starts 1 \
         --kinds "in place,both" {{ARGS}}
 
+# Assemblies made from numbers, and those of folders, put together from scattered parts, in ./out
+# (`just assemblies --frames 1..4 --only box`; `--page docs/assemble.md`: written there).
+assemblies *ARGS:
+    cargo run --release -p pegfit-benches --bin assemble -- {{ARGS}}
+
 # Time and memory of small parts beside large ones, in ./out (`just bench-reach PARTS_DIR --folder PAIRS`).
 bench-reach *ARGS:
     cargo run --release -p pegfit-benches --bin reach -- {{ARGS}}

@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::fs::OpenOptions;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use fft_correlate::{EnergySource, Pair, PairBuilder, Pose, Response, ScoreModel};
@@ -97,6 +97,27 @@ impl Arguments {
         let part = table.to_markdown(picture.map(|_| file.as_str()));
         let mut page = OpenOptions::new().append(true).open(self.page())?;
         Ok(page.write_all(part.as_bytes())?)
+    }
+
+    /// Writes tables into a page, between the lines `<!-- begin: WHAT -->` and
+    /// `<!-- end: WHAT -->`.
+    ///
+    /// # Errors
+    /// If the page cannot be read or written, or has no such lines.
+    pub fn write_into_page(&self, page: &Path, what: &str, tables: &[&Table]) -> Outcome<()> {
+        let text = std::fs::read_to_string(page)?;
+        let [begin, end] = ["begin", "end"].map(|word| format!("<!-- {word}: {what} -->"));
+        let split = text.split_once(&begin).and_then(|(before, rest)| {
+            let (_, after) = rest.split_once(&end)?;
+            Some((before, after))
+        });
+        let Some((before, after)) = split else {
+            return Err(format!("{}: no lines {begin} and {end}", page.display()).into());
+        };
+        let parts: Vec<String> = tables.iter().map(|t| t.to_markdown(None)).collect();
+        let parts = parts.join("\n");
+        let written = format!("{before}{begin}\n\n{}\n\n{end}{after}", parts.trim());
+        Ok(std::fs::write(page, written)?)
     }
 
     /// The program's part of the page.

@@ -1,15 +1,15 @@
 //! Assemblies from scattered parts: `assemble [--quick] [--out DIR] [--seeds A..B] [--frames A..B]
-//! [--only NAME] [--apart] [FOLDER...]`.
+//! [--only NAME] [--apart] [--page PAGE.md] [FOLDER...]`.
 //!
 //! The generated assemblies of `pegfit_fixtures` with the sizes of `--seeds`, and those of folders
 //! (parts as OBJ files in their places, `assembly.json` with unit and names). Every part is moved at
 //! random (`--frames`; 0: as it lies) and the whole is put together again. A part is right if it lies
 //! within 2 % of its diagonal of its place relative to the others, up to symmetry and to equal parts.
 //! With `--apart` what was found is taken apart, as the command does. Prints a line per try; writes
-//! `assemblies.csv`, a line per assembly.
+//! `assemblies.csv`, a line per assembly, and with `--page` the table into a page.
 
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use pegfit_assemble::{AssemblyRequest, AssemblyResult, AssemblySearch};
@@ -23,11 +23,12 @@ struct Wanted {
     seeds: Range<u64>,
     frames: Range<u64>,
     only: String,
+    page: Option<PathBuf>,
     request: AssemblyRequest,
 }
 
 const USAGE: &str = "usage: assemble [--quick] [--out DIR] [--seeds A..B] [--frames A..B] \
-    [--only NAME] [--apart] [FOLDER...]";
+    [--only NAME] [--apart] [--page PAGE.md] [FOLDER...]";
 
 /// What the tries at one assembly gave.
 #[derive(Default)]
@@ -72,7 +73,11 @@ fn main() -> Outcome<()> {
         }
         table.push(tries.row(&known));
     }
-    arguments.publish(&table, None)
+    arguments.publish(&table, None)?;
+    match &wanted.page {
+        Some(page) => arguments.write_into_page(page, "just assemblies", &[&table]),
+        None => Ok(()),
+    }
 }
 
 /// One try.
@@ -163,6 +168,7 @@ fn wanted(arguments: &mut Arguments) -> Outcome<Wanted> {
         seeds: 1..2,
         frames: if arguments.quick { 1..2 } else { 1..4 },
         only: String::new(),
+        page: None,
         request: AssemblyRequest {
             path_time: Duration::ZERO,
             ..AssemblyRequest::default()
@@ -187,24 +193,23 @@ fn wanted(arguments: &mut Arguments) -> Outcome<Wanted> {
             "--seeds" => wanted.seeds = range(&value).ok_or(USAGE)?,
             "--frames" => wanted.frames = range(&value).ok_or(USAGE)?,
             "--only" => wanted.only = value,
+            "--page" => wanted.page = Some(value.into()),
             _ => return Err(USAGE.into()),
         }
     }
     Ok(wanted)
 }
 
-/// The assemblies: those of the folders, or the generated ones.
+/// The generated assemblies, and those of the folders.
 fn assemblies(wanted: &Wanted, arguments: &Arguments) -> Outcome<Vec<KnownAssembly>> {
     let mut found = Vec::new();
-    for folder in &arguments.rest {
-        found.push(read(Path::new(folder))?);
-    }
-    if found.is_empty() {
-        for (seed, name) in
-            (wanted.seeds.clone()).flat_map(|seed| known_assembly_names().map(move |n| (seed, n)))
-        {
+    for seed in wanted.seeds.clone() {
+        for name in known_assembly_names() {
             found.extend(known_assembly(seed, name)?);
         }
+    }
+    for folder in &arguments.rest {
+        found.push(read(Path::new(folder))?);
     }
     found.retain(|known| known.name.contains(&wanted.only));
     Ok(found)

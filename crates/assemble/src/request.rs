@@ -29,7 +29,7 @@ pub struct AssemblyRequest {
     pub placed: Vec<(usize, Pose)>,
     /// Faces at most this far apart count as mating, metres; by default from each part's size.
     pub mating_clearance: Option<f64>,
-    /// Subassemblies that are kept at a time, 1 or more.
+    /// Subassemblies of the same parts that are kept at a time, 1 or more.
     pub beam: usize,
     /// Assemblies that are returned, at most; 1 or more.
     pub top: usize,

@@ -697,7 +697,7 @@ pub(crate) struct AssembleArgs {
     /// size]
     #[arg(long, value_name = "C")]
     pub(crate) mating_clearance: Option<f64>,
-    /// Subassemblies that are kept at a time
+    /// Subassemblies of the same parts that are kept at a time
     #[arg(long, default_value_t = 4, value_name = "N")]
     pub(crate) beam: usize,
     /// Assemblies to report

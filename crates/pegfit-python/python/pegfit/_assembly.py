@@ -167,7 +167,7 @@ def assemble(
         place: Poses `(7,)` by name, of parts whose places are known.
         mating_clearance: Faces at most so far apart count as mating, metres; by default from each
             part's size.
-        beam: Subassemblies that are kept at a time.
+        beam: Subassemblies of the same parts that are kept at a time.
         top: Assemblies to return, at most: the best one and its `alternatives`.
         seconds: Time for one try to take a part or group off; 0 does not take assemblies apart, and
             then no order is known.

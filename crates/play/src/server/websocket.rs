@@ -1,7 +1,8 @@
 //! The server's end of a page's WebSocket. Every frame counts against the limit, empty ones and
 //! parts of messages too, so that no page keeps the server reading for nothing.
 
-use std::net::TcpStream;
+use std::io::Read as _;
+use std::net::{Shutdown, TcpStream};
 use std::time::{Duration, Instant};
 
 use tungstenite::Error;
@@ -10,6 +11,9 @@ use tungstenite::protocol::frame::{CloseFrame, Frame, FrameSocket};
 
 /// Frames that a page may send in a second; it needs about a hundred.
 const MOST_FRAMES: u32 = 400;
+
+/// How long a page that is dismissed may take to close its end.
+const LINGERS: Duration = Duration::from_millis(200);
 
 /// Most bytes of a message, and of a frame.
 const MOST_BYTES: usize = 64;
@@ -79,11 +83,25 @@ impl<'s> PageSocket<'s> {
         self.send(Frame::message(bytes, OpCode::Data(Data::Binary), true))
     }
 
-    /// Closes with a reason; what the page still says is not waited for.
+    /// Closes with a reason. What the page still says is read and dropped for a moment: a connection
+    /// that is closed over unread bytes is reset, and then the page may never read the reason.
     pub(crate) fn dismiss(&mut self, code: CloseCode, reason: &'static str) {
         let reason = reason.into();
         // A page that does not read gets no reason.
-        let _ = self.send(Frame::close(Some(CloseFrame { code, reason })));
+        if (self.send(Frame::close(Some(CloseFrame { code, reason })))).is_err() {
+            return;
+        }
+        let stream = self.socket.get_mut();
+        let began = Instant::now();
+        let quiet = stream.shutdown(Shutdown::Write).is_err()
+            || stream.set_read_timeout(Some(LINGERS)).is_err();
+        let mut dropped = [0; 1024];
+        while !quiet && began.elapsed() < LINGERS {
+            match stream.read(&mut dropped) {
+                Ok(0) | Err(_) => return,
+                Ok(_) => {}
+            }
+        }
     }
 
     fn send(&mut self, frame: Frame) -> Result<(), CloseReason> {

@@ -83,8 +83,22 @@ impl Beam<'_> {
         }
         done.extend(open);
         let best = self.best(done, FINALISTS.max(self.width));
-        let whole = |s: &Subassembly| s.as_a_whole(self.shapes, self.clearance);
+        let whole = |s: &Subassembly| {
+            let mut whole = s.as_a_whole(self.shapes, self.clearance);
+            whole.shortfall = self.shortfall(&whole);
+            whole
+        };
         self.best(best.iter().map(whole).collect(), usize::MAX)
+    }
+
+    /// How much worse than pairs promise any part is held, nats; one that is not there is held by
+    /// nothing.
+    fn shortfall(&self, whole: &Subassembly) -> f64 {
+        let placed = whole.placed.iter().map(|p| self.promised(p.shape) - p.rank);
+        let missing = (0..self.shapes.len())
+            .filter(|s| whole.count(*s) < self.shapes[*s].parts.len())
+            .map(|s| self.promised(s) - HELD);
+        placed.chain(missing).fold(0.0, f64::max)
     }
 
     /// The best places of pairs, and the best one of other pairs.
@@ -112,6 +126,7 @@ impl Beam<'_> {
                         ),
                     ],
                     score: place.rank,
+                    shortfall: 0.0,
                 });
             }
         }

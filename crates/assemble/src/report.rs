@@ -73,6 +73,7 @@ impl Reporter<'_> {
             placed,
             mates,
             score,
+            shortfall: state.shortfall,
         }
     }
 

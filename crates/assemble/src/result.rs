@@ -24,13 +24,17 @@ pub struct AssemblyResult {
     pub seconds: f64,
 }
 
-/// An assembly is certain if it is worth so much more than the next, nats.
+/// An assembly is certain if it is worth so much more than the next, nats, and no part is held worse
+/// than it could be by so much, nats.
 const CERTAIN: f64 = 3.0;
+const SHORT: f64 = 5.0;
 
 impl AssemblyResult {
-    /// Whether the best assembly is worth clearly more than every other that was found.
+    /// Whether the best assembly is worth clearly more than every other that was found, and holds
+    /// every part about as well as the part's best place on a single other one.
     pub fn is_certain(&self) -> bool {
-        self.margin.is_none_or(|margin| margin > CERTAIN)
+        let held = self.assemblies.first().is_some_and(|a| a.shortfall < SHORT);
+        held && self.margin.is_none_or(|margin| margin > CERTAIN)
     }
 }
 
@@ -58,6 +62,9 @@ pub struct Assembly {
     pub mates: Vec<Mate>,
     /// How well contact holds the parts, nats: what ranks assemblies.
     pub score: f64,
+    /// How much worse than in its best place on a single other part any part is held, nats; parts that
+    /// are left over count as held barely.
+    pub shortfall: f64,
     /// How it comes apart; none if that was not tried.
     pub disassembly: Option<DisassemblyResult>,
 }

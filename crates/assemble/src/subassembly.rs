@@ -35,6 +35,8 @@ pub(crate) struct Subassembly {
     pub(crate) placed: Vec<Placed>,
     /// How well contact holds them, nats.
     pub(crate) score: f64,
+    /// How much worse than in its best place on a single other one any part is held, nats.
+    pub(crate) shortfall: f64,
 }
 
 impl Subassembly {

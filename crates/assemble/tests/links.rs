@@ -45,6 +45,7 @@ fn assembly(placed: Vec<PlacedPart>, mates: Vec<Mate>) -> Assembly {
         left_over: Vec::new(),
         mates,
         score: 0.0,
+        shortfall: 0.0,
         disassembly: None,
     }
 }

@@ -225,10 +225,15 @@ fn print(found: &AssemblyResult, names: &[String], scene: &Path) {
         }
         None => say!("not taken apart: no order is known"),
     }
-    if let (Some(margin), false) = (found.margin, found.is_certain()) {
-        say!(
-            "Not certain: another assembly is worth only {margin:.1} less; see the report, --top 3."
-        );
+    if !found.is_certain() {
+        say!("Not certain: another assembly may be as good; see the report, --top 3.");
+        if let Some(margin) = found.margin {
+            say!("  the next one that was found is worth {margin:.1} nats less");
+        }
+        if best.shortfall > 0.0 {
+            let short = best.shortfall;
+            say!("  a part is held by {short:.1} nats less than in its best place on a single one");
+        }
     }
     say!(
         "wrote {}; `pegfit play {}` opens it",

@@ -39,7 +39,7 @@ pub(crate) struct Summary {
     parts: Vec<String>,
     /// Parts of equal shape, where there are several.
     equal: Vec<Vec<String>>,
-    /// Whether no other assembly is nearly as good.
+    /// Whether no other assembly is nearly as good, and every part is held about as well as it could be.
     certain: bool,
     /// The best first.
     assemblies: Vec<AssemblySummary>,
@@ -52,6 +52,7 @@ pub(crate) struct Summary {
 #[derive(Serialize)]
 struct AssemblySummary {
     score: f64,
+    shortfall: f64,
     /// In the order in which they go together.
     placed: Vec<PlacedRecord>,
     left_over: Vec<String>,
@@ -129,6 +130,7 @@ impl AssemblySummary {
         let apart = assembly.disassembly.as_ref();
         Self {
             score: assembly.score,
+            shortfall: assembly.shortfall,
             placed: (assembly.placed.iter())
                 .map(|p| PlacedRecord {
                     part: names[p.part].clone(),

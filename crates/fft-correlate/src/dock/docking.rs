@@ -33,8 +33,7 @@ use crate::rotations::symmetry::symmetry_on_lattice;
 /// Angle between rotations where no domain is given, degrees.
 const STEP_DEG: f64 = 15.0;
 
-/// A rank from which on poses that contact holds need no search by energy, nats: more than a part
-/// that lies on a face, or in a corner, has.
+/// From this rank on poses need no search by energy, nats: a part on a face or in a corner has less.
 pub const CONVINCING: f64 = 8.0;
 
 /// Energies that are only reported are of a lattice this much wider than the pair's own, unless the
@@ -64,11 +63,9 @@ pub struct DockingRequest {
     /// By contact: an axis about which the moving part turns and along which it slides, and no other
     /// way: a point, metres, and a direction, fixed part's frame.
     pub axis: Option<(DVec3, DVec3)>,
-    /// By contact: parts that are there already, in the fixed part's frame: the moving part touches
-    /// them, but does not overlap them.
+    /// By contact: parts that are there, in the fixed part's frame: the moving one does not overlap them.
     pub others: Vec<Arc<TriangleMesh>>,
-    /// By contact: no search by energy where contact holds the part nowhere, which takes far longer;
-    /// such a pair has no pose ([`DockingError::NothingMates`]). For screening many parts.
+    /// No search by energy, which takes far longer, where contact holds the part nowhere.
     pub contact_only: bool,
 }
 
@@ -263,9 +260,9 @@ impl<'a> Docking<'a> {
         let (mut energy_search, mut field_seconds) = (None, 0.0);
         // A state file and an exhaustive search are of energies: whoever asks for them gets both.
         let asked = self.options.exhaustive || self.options.state.is_some();
-        let convincing = held.first().is_some_and(|h| h.rank >= CONVINCING);
+        let unsure = asked || held.first().is_none_or(|h| h.rank < CONVINCING);
         let allowed = self.unknown_to_energy().is_none() && !self.options.contact_only;
-        if allowed && (asked || !convincing) && !monitor.cancelled() {
+        if allowed && unsure && !monitor.cancelled() {
             match self.run_by_energy(monitor) {
                 Ok(found) => {
                     let poses: Vec<Pose> = found.poses.iter().map(|p| p.found.pose).collect();
@@ -326,7 +323,6 @@ impl<'a> Docking<'a> {
         let limited = |d: &RotationDomain| !matches!(d, RotationDomain::Full { .. });
         let limited = self.options.rotations.as_ref().is_some_and(limited);
         MatingSearchOptions {
-            least: None,
             top: self.options.top,
             clearance: self.options.mating_clearance,
             region: SearchRegion {
@@ -338,6 +334,7 @@ impl<'a> Docking<'a> {
             axis: self.options.axis,
             symmetries: domain.symmetries.clone(),
             present: Some(Pose::IDENTITY),
+            least: None,
         }
     }
 

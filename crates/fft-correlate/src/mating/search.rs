@@ -219,9 +219,15 @@ impl<'a> MatingSearch<'a> {
         self.ranked(&homes, monitor)
     }
 
-    /// The same from given poses only: where contact holds the moving part near them.
+    /// The same from given poses only: where contact holds the moving part near them. Poses near which
+    /// little mates are left out, as hypotheses are.
     pub fn settle(&self, poses: &[Pose], monitor: &dyn Monitor) -> Vec<HeldPose> {
-        let homes = self.seated(Vec::new(), poses, monitor);
+        let screen = |pose: &Pose| {
+            let value = self.contact.screen_coarsely(pose)?;
+            Some(Candidate { pose: *pose, value })
+        };
+        let screened = poses.par_iter().filter_map(screen).collect();
+        let homes = self.seated(screened, &[], monitor);
         self.ranked(&homes, monitor)
     }
 

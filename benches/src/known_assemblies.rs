@@ -56,7 +56,6 @@ pub fn read(folder: &Path) -> Outcome<KnownAssembly> {
         parts: names.iter().map(part).collect::<Outcome<_>>()?,
         strangers: Vec::new(),
         groups: Vec::new(),
-        ambiguous: false,
     })
 }
 

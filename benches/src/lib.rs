@@ -3,6 +3,7 @@
 use std::error::Error;
 use std::fs::OpenOptions;
 use std::io::Write;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -124,6 +125,12 @@ impl Arguments {
     fn page(&self) -> PathBuf {
         self.out.join(format!("{}.md", self.program))
     }
+}
+
+/// A range of numbers written `A..B`.
+pub fn parse_range(text: &str) -> Option<Range<u64>> {
+    let (a, b) = text.split_once("..")?;
+    Some(a.parse().ok()?..b.parse().ok()?)
 }
 
 /// The name of the running program, without folder and ending.

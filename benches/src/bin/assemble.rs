@@ -15,7 +15,7 @@ use std::time::Duration;
 use pegfit_assemble::{AssemblyRequest, AssemblyResult, AssemblySearch};
 use pegfit_benches::known_assemblies::{Verdict, judge, known_score, read, scattered};
 use pegfit_benches::table::{Table, significant};
-use pegfit_benches::{Arguments, Outcome};
+use pegfit_benches::{Arguments, Outcome, parse_range};
 use pegfit_fixtures::{KnownAssembly, known_assembly, known_assembly_names};
 use sdf_grid::Silent;
 
@@ -174,10 +174,6 @@ fn wanted(arguments: &mut Arguments) -> Outcome<Wanted> {
             ..AssemblyRequest::default()
         },
     };
-    let range = |text: &str| -> Option<Range<u64>> {
-        let (a, b) = text.split_once("..")?;
-        Some(a.parse().ok()?..b.parse().ok()?)
-    };
     let rest = &mut arguments.rest;
     while let Some(at) = rest.iter().position(|a| a.starts_with("--")) {
         let option = rest.remove(at);
@@ -190,8 +186,8 @@ fn wanted(arguments: &mut Arguments) -> Outcome<Wanted> {
         }
         let value = rest.remove(at);
         match option.as_str() {
-            "--seeds" => wanted.seeds = range(&value).ok_or(USAGE)?,
-            "--frames" => wanted.frames = range(&value).ok_or(USAGE)?,
+            "--seeds" => wanted.seeds = parse_range(&value).ok_or(USAGE)?,
+            "--frames" => wanted.frames = parse_range(&value).ok_or(USAGE)?,
             "--only" => wanted.only = value,
             "--page" => wanted.page = Some(value.into()),
             _ => return Err(USAGE.into()),

@@ -20,7 +20,7 @@ use glam::DVec3;
 use pegfit_benches::assemblies::{generated, in_own_frame, modelled, random_rotation};
 use pegfit_benches::docking_cases::{Case, axis_error, folder, generated_joints};
 use pegfit_benches::table::{Table, significant};
-use pegfit_benches::{Arguments, Outcome};
+use pegfit_benches::{Arguments, Outcome, parse_range};
 use rand::{Rng, SeedableRng, rngs::SmallRng};
 use sdf_grid::{Silent, TriangleMesh};
 
@@ -119,10 +119,6 @@ fn wanted(arguments: &mut Arguments) -> Outcome<Wanted> {
         folder: None,
         request: DockingRequest::default(),
     };
-    let range = |text: &str| -> Option<Range<u64>> {
-        let (a, b) = text.split_once("..")?;
-        Some(a.parse().ok()?..b.parse().ok()?)
-    };
     let rest = &mut arguments.rest;
     while let Some(at) = rest.iter().position(|a| a.starts_with("--")) {
         let option = rest.remove(at);
@@ -132,7 +128,7 @@ fn wanted(arguments: &mut Arguments) -> Outcome<Wanted> {
                 continue;
             }
             "--joints" => {
-                let given = rest.get(at).and_then(|text| range(text));
+                let given = rest.get(at).and_then(|text| parse_range(text));
                 if given.is_some() {
                     rest.remove(at);
                 }
@@ -150,7 +146,7 @@ fn wanted(arguments: &mut Arguments) -> Outcome<Wanted> {
             "--only" => wanted.only = value,
             "--every" => wanted.every = value.parse::<usize>()?.max(1),
             "--folder" => wanted.folder = Some(value.into()),
-            "--seeds" => wanted.seeds = Some(range(&value).ok_or(USAGE)?),
+            "--seeds" => wanted.seeds = Some(parse_range(&value).ok_or(USAGE)?),
             "--rank" if value == "contact" => wanted.request.ranking = Ranking::Contact,
             "--rank" if value == "energy" => wanted.request.ranking = Ranking::Energy,
             "--kinds" => wanted

@@ -92,9 +92,10 @@ impl Beam<'_> {
     }
 
     /// How much worse than pairs promise any part is held, nats; one that is not there is held by
-    /// nothing.
+    /// nothing. Ranks count contact by the area of the smaller part: of a larger one no pair tells.
     fn shortfall(&self, whole: &Subassembly) -> f64 {
-        let placed = whole.placed.iter().map(|p| self.promised(p.shape) - p.rank);
+        let promised = |shape: usize| self.best_rank(|pair| pair.moving == shape);
+        let placed = whole.placed.iter().map(|p| promised(p.shape) - p.rank);
         let missing = (0..self.shapes.len())
             .filter(|s| whole.count(*s) < self.shapes[*s].parts.len())
             .map(|s| self.promised(s) - HELD);
@@ -143,12 +144,15 @@ impl Beam<'_> {
         kept
     }
 
-    /// How well a shape is held by another one at best, nats.
+    /// How well contact with another shape holds one at best, nats.
     fn promised(&self, shape: usize) -> f64 {
-        let of_shape = (self.pairs.iter()).filter(|p| p.fixed == shape || p.moving == shape);
-        let ranks = of_shape
-            .flat_map(|p| p.places.first())
-            .map(|place| place.rank);
+        self.best_rank(|pair| pair.fixed == shape || pair.moving == shape)
+    }
+
+    /// The best rank of some pairs, nats.
+    fn best_rank(&self, wanted: impl Fn(&PairPlaces) -> bool) -> f64 {
+        let pairs = self.pairs.iter().filter(|pair| wanted(pair));
+        let ranks = pairs.flat_map(|p| p.places.first()).map(|place| place.rank);
         ranks.fold(0.0, f64::max)
     }
 

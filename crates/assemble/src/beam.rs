@@ -10,7 +10,7 @@ use crate::families::{carries, moved_joint};
 use crate::pairs::{PairPlaces, Quiet};
 use crate::same::are_same;
 use crate::shape::Shape;
-use crate::subassembly::{Placed, Subassembly};
+use crate::subassembly::{Held, Placed, Subassembly};
 
 /// A part is held that is held so well, nats.
 pub(crate) const HELD: f64 = 8.0;
@@ -37,6 +37,10 @@ const ON_AXIS: f64 = 0.01;
 /// Assemblies that are measured as a whole.
 const FINALISTS: usize = 6;
 
+/// Subassemblies that are followed when parts are put back, and what makes an assembly better, nats.
+const REBUILT: usize = 2;
+const BETTER: f64 = 0.5;
+
 /// Poses that are seated against one subassembly, at most.
 const SEATED: usize = 240;
 
@@ -52,20 +56,34 @@ pub(crate) struct Beam<'a> {
 struct Extension {
     shape: usize,
     places: Vec<(Pose, Joint)>,
-    rank: f64,
+    held: Held,
 }
 
 impl Beam<'_> {
     /// Assemblies to which nothing can be added, the best first; `start` is there from the beginning
     /// if it has any part.
     pub(crate) fn run(&self, start: Subassembly, monitor: &dyn Monitor) -> Vec<Subassembly> {
-        let total: usize = self.shapes.iter().map(|s| s.parts.len()).sum();
-        let mut open = match start.placed.is_empty() {
+        let open = match start.placed.is_empty() {
             true => self.first_pairs(),
-            false => vec![start],
+            false => vec![start.clone()],
         };
-        let mut done: Vec<Subassembly> = Vec::new();
+        let total: usize = self.shapes.iter().map(|s| s.parts.len()).sum();
         monitor.begin("assembling parts", total as u64);
+        let done = self.grow(open, self.width, monitor);
+        let best = self.best(done, FINALISTS.max(self.width));
+        let wholes = best.iter().map(|s| self.as_a_whole(s)).collect();
+        let known: Vec<usize> = start.placed.iter().map(|p| p.shape).collect();
+        self.rebuilt(self.best(wholes, usize::MAX), &known, monitor)
+    }
+
+    /// Grows subassemblies until nothing can be added.
+    fn grow(
+        &self,
+        mut open: Vec<Subassembly>,
+        width: usize,
+        monitor: &dyn Monitor,
+    ) -> Vec<Subassembly> {
+        let mut done: Vec<Subassembly> = Vec::new();
         let mut reached = 0;
         while !open.is_empty() && !monitor.cancelled() {
             let most = open.iter().map(|s| s.placed.len()).max().unwrap_or(0);
@@ -79,23 +97,57 @@ impl Beam<'_> {
                     false => grown.extend(children),
                 }
             }
-            open = self.promising(grown);
+            open = self.promising(grown, width);
         }
         done.extend(open);
-        let best = self.best(done, FINALISTS.max(self.width));
-        let whole = |s: &Subassembly| {
-            let mut whole = s.as_a_whole(self.shapes, self.clearance);
-            whole.shortfall = self.shortfall(&whole);
-            whole
-        };
-        self.best(best.iter().map(whole).collect(), usize::MAX)
+        done
+    }
+
+    fn as_a_whole(&self, state: &Subassembly) -> Subassembly {
+        let mut whole = state.as_a_whole(self.shapes, self.clearance);
+        whole.shortfall = self.shortfall(&whole);
+        whole
+    }
+
+    /// Takes parts out of the best assembly and puts them back, until that makes none better: all of
+    /// one shape, or of two that lie beside each other. Parts of `known` shapes stay.
+    fn rebuilt(
+        &self,
+        mut found: Vec<Subassembly>,
+        known: &[usize],
+        monitor: &dyn Monitor,
+    ) -> Vec<Subassembly> {
+        let mut done: Vec<Vec<usize>> = Vec::new();
+        while let Some(best) = found.first().cloned() {
+            let mut out = best.neighbours(self.shapes);
+            out.retain(|set| !done.contains(set) && !set.iter().any(|s| known.contains(s)));
+            let Some(set) = out.into_iter().next() else {
+                break;
+            };
+            let mut rest = best.clone();
+            rest.placed.retain(|p| !set.contains(&p.shape));
+            done.push(set);
+            if rest.placed.len() < 2 || monitor.cancelled() {
+                continue;
+            }
+            let quiet = Quiet(monitor);
+            let grown = self.best(self.grow(vec![rest], REBUILT, &quiet), REBUILT);
+            let wholes = grown.iter().map(|s| self.as_a_whole(s));
+            found.extend(wholes);
+            found = self.best(found, usize::MAX);
+            tracing::debug!(set = ?done.last(), before = best.score, after = found[0].score, "rebuilt");
+            if found[0].score > best.score + BETTER {
+                done.clear();
+            }
+        }
+        found
     }
 
     /// How much worse than pairs promise any part is held, nats; one that is not there is held by
     /// nothing. Ranks count contact by the area of the smaller part: of a larger one no pair tells.
     fn shortfall(&self, whole: &Subassembly) -> f64 {
         let promised = |shape: usize| self.best_rank(|pair| pair.moving == shape);
-        let placed = whole.placed.iter().map(|p| promised(p.shape) - p.rank);
+        let placed = whole.placed.iter().map(|p| promised(p.shape) - p.held.rank);
         let missing = (0..self.shapes.len())
             .filter(|s| whole.count(*s) < self.shapes[*s].parts.len())
             .map(|s| self.promised(s) - HELD);
@@ -104,28 +156,24 @@ impl Beam<'_> {
 
     /// The best places of pairs, and the best one of other pairs.
     fn first_pairs(&self) -> Vec<Subassembly> {
-        let first = |shape: usize, member: usize, pose: Pose, joint: Joint, rank: f64| Placed {
-            shape,
-            member,
-            pose,
-            joint,
-            rank,
-        };
         let mut found: Vec<Subassembly> = Vec::new();
         for pair in self.pairs {
             let second = usize::from(pair.fixed == pair.moving);
             for place in pair.places.iter().filter(|p| p.rank >= HELD) {
+                let placed = |shape: usize, member: usize, pose: Pose, joint: Joint| Placed {
+                    shape,
+                    member,
+                    pose,
+                    joint,
+                    held: Held {
+                        rank: place.rank,
+                        share: place.share,
+                    },
+                };
+                let first = placed(pair.fixed, 0, Pose::IDENTITY, Joint::default());
+                let second = placed(pair.moving, second, place.pose, place.joint.clone());
                 found.push(Subassembly {
-                    placed: vec![
-                        first(pair.fixed, 0, Pose::IDENTITY, Joint::default(), place.rank),
-                        first(
-                            pair.moving,
-                            second,
-                            place.pose,
-                            place.joint.clone(),
-                            place.rank,
-                        ),
-                    ],
+                    placed: vec![first, second],
                     score: place.rank,
                     shortfall: 0.0,
                 });
@@ -158,7 +206,7 @@ impl Beam<'_> {
 
     /// The subassemblies that are followed: those that with what pairs promise of the parts that are
     /// not there yet are worth most; few of the same parts, since others may have to come first.
-    fn promising(&self, mut found: Vec<Subassembly>) -> Vec<Subassembly> {
+    fn promising(&self, mut found: Vec<Subassembly>, width: usize) -> Vec<Subassembly> {
         let best: Vec<f64> = (0..self.shapes.len()).map(|s| self.promised(s)).collect();
         let promise = |state: &Subassembly| -> f64 {
             let left = |s: usize| (self.shapes[s].parts.len() - state.count(s)) as f64 * best[s];
@@ -184,7 +232,7 @@ impl Beam<'_> {
             }
             let same = &mut kept[at].1;
             let known = same.iter().any(|k| are_same(k, &state, self.shapes));
-            if same.len() < self.width && !known {
+            if same.len() < width && !known {
                 same.push(state);
             }
         }
@@ -219,17 +267,22 @@ impl Beam<'_> {
         if ways.is_empty() {
             ways = extend(true);
         }
-        tracing::debug!(placed = state.placed.len(), ways = ways.len(), "grown");
+        tracing::debug!(
+            placed = ?state.placed.iter().map(|p| p.shape).collect::<Vec<_>>(),
+            score = state.score,
+            ways = ?ways.iter().map(|w| (w.shape, w.places.len(), w.held.rank.round())).collect::<Vec<_>>(),
+            "grown"
+        );
         let mut children = Vec::new();
         for way in ways {
             let members = state.free(way.shape, self.shapes);
             let places = self.apart(way.shape, way.places);
             if members.len() >= places.len() {
-                children.push(state.with(way.shape, &members, &places, way.rank));
+                children.push(state.with(way.shape, &members, &places, way.held));
                 continue;
             }
             for place in places.chunks(1).take(ALIKE) {
-                children.push(state.with(way.shape, &members[..1], place, way.rank));
+                children.push(state.with(way.shape, &members[..1], place, way.held));
             }
         }
         children
@@ -330,17 +383,13 @@ impl Beam<'_> {
                 }
             };
             let poses = [held.pose].into_iter().chain(held.alike.iter().copied());
-            tracing::debug!(
-                shape,
-                rank = held.rank,
-                overlap = held.overlap,
-                whole,
-                "extension"
-            );
             Extension {
                 shape,
                 places: poses.map(place).collect(),
-                rank: held.rank,
+                held: Held {
+                    rank: held.rank,
+                    share: held.hold.share,
+                },
             }
         };
         kept.into_iter().map(extension).collect()

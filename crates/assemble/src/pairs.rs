@@ -46,6 +46,8 @@ pub(crate) struct PairPlace {
     pub(crate) pose: Pose,
     /// How well contact holds it there, nats.
     pub(crate) rank: f64,
+    /// Share of its surface that mates.
+    pub(crate) share: f64,
     /// The joint that contact leaves there, larger shape's frame.
     pub(crate) joint: Joint,
 }
@@ -86,6 +88,7 @@ impl PairPlaces {
             poses.map(|pose| PairPlace {
                 pose,
                 rank: held.rank,
+                share: held.hold.share,
                 joint: moved_joint(&held.joint, &(pose * held.pose.inverse())),
             })
         });

@@ -85,6 +85,7 @@ mod tests {
 
     use super::*;
     use crate::request::LoosePart;
+    use crate::subassembly::Held;
 
     /// Rings on an axis are the same wherever they slide, but one ring does not stand for two.
     #[test]
@@ -106,7 +107,7 @@ mod tests {
                         axis: DVec3::Z,
                         ..Joint::default()
                     },
-                    rank: 0.0,
+                    held: Held::default(),
                 })
                 .collect(),
             score: 0.0,

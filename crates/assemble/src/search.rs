@@ -12,7 +12,7 @@ use crate::report::Reporter;
 use crate::request::{AssemblyRequest, LoosePart};
 use crate::result::{AssemblyResult, PairSummary};
 use crate::shape::Shape;
-use crate::subassembly::{Placed, Subassembly};
+use crate::subassembly::{Held, Placed, Subassembly};
 
 /// A search for the assemblies of some parts.
 #[derive(Debug)]
@@ -127,7 +127,7 @@ impl AssemblySearch {
                     member,
                     pose: *pose * s.parts[member].motion,
                     joint: Joint::default(),
-                    rank: 0.0,
+                    held: Held::default(),
                 }));
             }
         }

@@ -3,7 +3,7 @@
 use fft_correlate::Pose;
 use fft_correlate::mating::{Joint, MatingSearch, MatingSearchOptions};
 use rayon::prelude::*;
-use sdf_grid::TriangleMesh;
+use sdf_grid::{Aabb, TriangleMesh};
 
 use crate::shape::Shape;
 
@@ -11,8 +11,32 @@ use crate::shape::Shape;
 /// nats: equal parts have equal places.
 const UNLIKE: f64 = 6.0;
 
-/// Parts are held alike if it is to within so much, nats.
+/// Parts are held alike if it is to within so much, nats, and if the shares of their surfaces that mate
+/// differ by less than this factor.
 const ALIKE: f64 = 1.5;
+const ALIKE_SHARE: f64 = 1.15;
+
+/// Parts lie beside each other whose boxes come so near, of the smaller one's diagonal.
+const BESIDE: f64 = 0.02;
+
+/// How contact holds a part.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Held {
+    /// How well, nats.
+    pub(crate) rank: f64,
+    /// Share of its surface that mates.
+    pub(crate) share: f64,
+}
+
+impl Held {
+    fn is_like(&self, other: &Self) -> bool {
+        let [small, large] = match self.share < other.share {
+            true => [self.share, other.share],
+            false => [other.share, self.share],
+        };
+        (self.rank - other.rank).abs() <= ALIKE && large <= ALIKE_SHARE * small
+    }
+}
 
 /// A shape in its place.
 #[derive(Debug, Clone)]
@@ -25,8 +49,8 @@ pub(crate) struct Placed {
     pub(crate) pose: Pose,
     /// The joint that held it when it was placed, assembly frame.
     pub(crate) joint: Joint,
-    /// How well contact held it then, nats.
-    pub(crate) rank: f64,
+    /// How contact held it then.
+    pub(crate) held: Held,
 }
 
 /// Shapes in their places.
@@ -62,7 +86,7 @@ impl Subassembly {
         shape: usize,
         members: &[usize],
         places: &[(Pose, Joint)],
-        rank: f64,
+        held: Held,
     ) -> Self {
         let mut grown = self.clone();
         for (member, (pose, joint)) in members.iter().zip(places) {
@@ -71,9 +95,9 @@ impl Subassembly {
                 member: *member,
                 pose: *pose,
                 joint: joint.clone(),
-                rank,
+                held,
             });
-            grown.score += rank;
+            grown.score += held.rank;
         }
         grown.score -= UNLIKE * (grown.unlike(shape) - self.unlike(shape)) as f64;
         grown
@@ -81,11 +105,13 @@ impl Subassembly {
 
     /// Ways beyond the first in which parts of a shape are held.
     fn unlike(&self, shape: usize) -> usize {
-        let of_shape = self.placed.iter().filter(|p| p.shape == shape);
-        let mut ranks: Vec<f64> = of_shape.map(|p| p.rank).collect();
-        ranks.sort_by(f64::total_cmp);
-        let other = |pair: &&[f64]| pair[1] - pair[0] > ALIKE;
-        ranks.windows(2).filter(other).count()
+        let mut ways: Vec<Held> = Vec::new();
+        for placed in self.placed.iter().filter(|p| p.shape == shape) {
+            if !ways.iter().any(|way| way.is_like(&placed.held)) {
+                ways.push(placed.held);
+            }
+        }
+        ways.len().saturating_sub(1)
     }
 
     /// The same with what contact with all the others says of each part, whichever came first: how
@@ -102,17 +128,52 @@ impl Subassembly {
                 ..MatingSearchOptions::default()
             };
             let search = MatingSearch::new(&rest, &meshes[i], options);
-            search.measure(&Pose::IDENTITY).rank
+            let found = search.measure(&Pose::IDENTITY);
+            Held {
+                rank: found.rank,
+                share: found.hold.share,
+            }
         };
         let mut whole = self.clone();
-        let ranks: Vec<f64> = (0..meshes.len()).into_par_iter().map(held).collect();
-        for (placed, rank) in whole.placed.iter_mut().zip(&ranks) {
-            placed.rank = *rank;
+        let held: Vec<Held> = (0..meshes.len()).into_par_iter().map(held).collect();
+        for (placed, held) in whole.placed.iter_mut().zip(&held) {
+            placed.held = *held;
         }
         let unlike: usize = (0..shapes.len()).map(|s| whole.unlike(s)).sum();
         // Every contact holds two parts.
-        whole.score = 0.5 * ranks.iter().sum::<f64>() - UNLIKE * unlike as f64;
+        let ranks = held.iter().map(|h| h.rank);
+        whole.score = 0.5 * ranks.sum::<f64>() - UNLIKE * unlike as f64;
         whole
+    }
+
+    /// Shapes, and pairs of shapes of which parts lie beside each other; those first that are held worst.
+    pub(crate) fn neighbours(&self, shapes: &[Shape]) -> Vec<Vec<usize>> {
+        let bounds = |p: &Placed| moved(&shapes[p.shape].mesh, &p.pose).bounds();
+        let bounds: Vec<Aabb> = self.placed.iter().map(bounds).collect();
+        let mut sets: Vec<Vec<usize>> = Vec::new();
+        let mut add = |mut set: Vec<usize>| {
+            set.sort_unstable();
+            set.dedup();
+            if !sets.contains(&set) {
+                sets.push(set);
+            }
+        };
+        for (i, a) in self.placed.iter().enumerate() {
+            add(vec![a.shape]);
+            for (j, b) in self.placed.iter().enumerate().skip(i + 1) {
+                let near = BESIDE * bounds[j].diagonal().min(bounds[i].diagonal());
+                if bounds[i].grown(near).overlaps(&bounds[j]) {
+                    add(vec![a.shape, b.shape]);
+                }
+            }
+        }
+        let worst = |shape: &usize| {
+            let of_shape = self.placed.iter().filter(|p| p.shape == *shape);
+            of_shape.map(|p| p.held.rank).fold(f64::INFINITY, f64::min)
+        };
+        let held = |set: &Vec<usize>| set.iter().map(worst).sum::<f64>();
+        sets.sort_by(|a, b| a.len().cmp(&b.len()).then(held(a).total_cmp(&held(b))));
+        sets
     }
 
     /// All surfaces as one.

@@ -344,6 +344,7 @@ impl Beam<'_> {
             least: Some(HELD),
             clearance: self.clearance,
             symmetries: symmetries.to_vec(),
+            without_travel: true,
             ..MatingSearchOptions::default()
         };
         let quiet = Quiet(monitor);

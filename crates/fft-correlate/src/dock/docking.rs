@@ -334,7 +334,7 @@ impl<'a> Docking<'a> {
             axis: self.options.axis,
             symmetries: domain.symmetries.clone(),
             present: Some(Pose::IDENTITY),
-            least: None,
+            ..MatingSearchOptions::default()
         }
     }
 

@@ -164,16 +164,7 @@ struct Motion {
 impl MatingContact {
     /// The joint that contact leaves at a pose.
     pub fn joint(&self, pose: &Pose) -> Joint {
-        let (mut joint, one_sided) = self.classify(pose);
-        self.snap(&mut joint);
-        if joint.kind == JointKind::Screw {
-            let pitches = [1.0, -1.0].map(|sense| self.pitch(pose, &joint, sense));
-            let best = pitches
-                .into_iter()
-                .flatten()
-                .max_by(|a, b| a.1.total_cmp(&b.1));
-            joint.pitch = best.map_or(joint.pitch, |b| b.0);
-        }
+        let (mut joint, one_sided) = self.on_axis(pose);
         if joint.kind == JointKind::Fixed {
             let guide = one_sided.iter().find_map(|d| self.guide(pose, *d));
             if let Some(axis) = guide {
@@ -210,6 +201,28 @@ impl MatingContact {
         });
         (joint.slide, joint.turn) = (slide, turn);
         joint
+    }
+
+    /// The joint that contact leaves at a pose, without how far it lets the part go; a part at a stop
+    /// of its guide counts as fixed.
+    pub(super) fn joint_without_travel(&self, pose: &Pose) -> Joint {
+        self.on_axis(pose).0
+    }
+
+    /// Kind, exact axis and pitch; and directions of displacements that contact resists in the
+    /// opposite sense only.
+    fn on_axis(&self, pose: &Pose) -> (Joint, Vec<DVec3>) {
+        let (mut joint, one_sided) = self.classify(pose);
+        self.snap(&mut joint);
+        if joint.kind == JointKind::Screw {
+            let pitches = [1.0, -1.0].map(|sense| self.pitch(pose, &joint, sense));
+            let best = pitches
+                .into_iter()
+                .flatten()
+                .max_by(|a, b| a.1.total_cmp(&b.1));
+            joint.pitch = best.map_or(joint.pitch, |b| b.0);
+        }
+        (joint, one_sided)
     }
 
     /// Gives a joint that turns the exact axis of the fixed part that it turns about: a part that leans

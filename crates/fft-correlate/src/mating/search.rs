@@ -85,6 +85,9 @@ pub struct MatingSearchOptions {
     pub symmetries: Vec<Pose>,
     /// A pose of the moving part: of places that are alike the nearest to it comes first.
     pub present: Option<Pose>,
+    /// Joints without travel, and of poses that differ by a free turn the one that was found: much
+    /// faster, for a search that asks many times.
+    pub without_travel: bool,
 }
 
 /// Which poses a search may return, fixed frame; all where nothing is given.
@@ -475,6 +478,10 @@ impl<'a> MatingSearch<'a> {
             };
             if monitor.cancelled() {
                 return found;
+            }
+            if self.options.without_travel {
+                let joint = self.contact.joint_without_travel(&found.pose);
+                return HeldPose { joint, ..found };
             }
             let shown = |found: HeldPose| {
                 let joint = self.contact.joint(&found.pose);

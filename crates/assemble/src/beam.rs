@@ -1,23 +1,19 @@
 //! The beam search: several subassemblies grow part by part, the best-held part first.
 
+use std::sync::Arc;
+
 use fft_correlate::Pose;
-use fft_correlate::mating::{HeldPose, Joint, MatingSearch, MatingSearchOptions};
-use glam::DVec3;
+use fft_correlate::mating::Joint;
 use rayon::prelude::*;
 use sdf_grid::{InterferenceQuery, Monitor};
 
-use crate::families::{carries, moved_joint};
+use crate::extensions::{Extension, HELD, Known};
 use crate::pairs::{PairPlaces, Quiet};
 use crate::same::are_same;
 use crate::shape::Shape;
 use crate::subassembly::{Held, Placed, Subassembly};
 
-/// A part is held that is held so well, nats.
-pub(crate) const HELD: f64 = 8.0;
-
-/// Kinds of places of one shape that are found beside one subassembly, and followed: of those that a
-/// joint carries into each other one.
-const FOUND: usize = 10;
+/// Kinds of places of one shape beside one subassembly that are followed.
 const WAYS: usize = 4;
 
 /// Alike places of which one is taken, where there are more places than parts.
@@ -28,21 +24,18 @@ const SHARED: f64 = 1e-3;
 
 /// Subassemblies are followed that promise at most so much less than the best, nats; of so many
 /// choices of parts.
-const FOLLOWED: f64 = 12.0;
-const SETS: usize = 3;
+const FOLLOWED: f64 = 25.0;
+const SETS: usize = 8;
 
-/// Axes that come so near each other are meant to lie on one line, diagonals.
-const ON_AXIS: f64 = 0.01;
+/// Subassemblies of the same parts are as good that differ by less, nats.
+const TIE: f64 = 1.0;
 
 /// Assemblies that are measured as a whole.
 const FINALISTS: usize = 6;
 
 /// Subassemblies that are followed when parts are put back, and what makes an assembly better, nats.
 const REBUILT: usize = 2;
-const BETTER: f64 = 0.5;
-
-/// Poses that are seated against one subassembly, at most.
-const SEATED: usize = 240;
+const BETTER: f64 = 2.0;
 
 /// Shapes, their places on each other, and how wide the search is.
 pub(crate) struct Beam<'a> {
@@ -50,13 +43,6 @@ pub(crate) struct Beam<'a> {
     pub(crate) pairs: &'a [PairPlaces],
     pub(crate) width: usize,
     pub(crate) clearance: Option<f64>,
-}
-
-/// Where parts of one shape can be added, alike.
-struct Extension {
-    shape: usize,
-    places: Vec<(Pose, Joint)>,
-    held: Held,
 }
 
 impl Beam<'_> {
@@ -126,6 +112,7 @@ impl Beam<'_> {
             };
             let mut rest = best.clone();
             rest.placed.retain(|p| !set.contains(&p.shape));
+            rest.known = None;
             done.push(set);
             if rest.placed.len() < 2 || monitor.cancelled() {
                 continue;
@@ -175,7 +162,7 @@ impl Beam<'_> {
                 found.push(Subassembly {
                     placed: vec![first, second],
                     score: place.rank,
-                    shortfall: 0.0,
+                    ..Subassembly::default()
                 });
             }
         }
@@ -230,9 +217,12 @@ impl Beam<'_> {
             if at == kept.len() {
                 kept.push((of, Vec::new()));
             }
+            // Of the parts that promise most several, of others the best and what is as good.
+            let most = (width >> at).max(1);
             let same = &mut kept[at].1;
-            let known = same.iter().any(|k| are_same(k, &state, self.shapes));
-            if same.len() < width && !known {
+            let ties = |first: &Subassembly| state.score > first.score - TIE;
+            let open = same.len() < most || same.len() < width && same.first().is_some_and(ties);
+            if open && !same.iter().any(|k| are_same(k, &state, self.shapes)) {
                 same.push(state);
             }
         }
@@ -259,14 +249,26 @@ impl Beam<'_> {
         let open: Vec<usize> = (0..self.shapes.len())
             .filter(|s| state.count(*s) < self.shapes[*s].parts.len())
             .collect();
-        let extend = |whole: bool| -> Vec<Extension> {
-            let of = |s: &usize| self.extensions(state, *s, whole, monitor);
-            open.par_iter().flat_map_iter(of).collect()
+        let extend = |of: &(dyn Fn(usize) -> Vec<Extension> + Sync)| -> Known {
+            let found: Vec<Vec<Extension>> = open.par_iter().map(|s| of(*s)).collect();
+            let mut extensions = vec![None; self.shapes.len()];
+            for (shape, found) in open.iter().zip(found) {
+                extensions[*shape] = Some(found);
+            }
+            Known {
+                placed: state.placed.len(),
+                extensions,
+            }
         };
-        let mut ways = extend(false);
-        if ways.is_empty() {
-            ways = extend(true);
+        let mut known = extend(&|s| self.extensions(state, s, monitor));
+        if known.all().next().is_none() {
+            known = extend(&|s| self.extensions_anywhere(state, s, monitor));
         }
+        let mut state = state.clone();
+        let known = Arc::new(known);
+        state.known = Some(Arc::clone(&known));
+        let ways = known.extensions.iter().flatten();
+        let ways: Vec<&Extension> = ways.flat_map(|of| of.iter().take(WAYS)).collect();
         tracing::debug!(
             placed = ?state.placed.iter().map(|p| p.shape).collect::<Vec<_>>(),
             score = state.score,
@@ -276,13 +278,13 @@ impl Beam<'_> {
         let mut children = Vec::new();
         for way in ways {
             let members = state.free(way.shape, self.shapes);
-            let places = self.apart(way.shape, way.places);
+            let places = self.apart(way.shape, way.places.clone());
             if members.len() >= places.len() {
-                children.push(state.with(way.shape, &members, &places, way.held));
+                children.push(state.with(way, &members, &places));
                 continue;
             }
             for place in places.chunks(1).take(ALIKE) {
-                children.push(state.with(way.shape, &members[..1], place, way.held));
+                children.push(state.with(way, &members[..1], place));
             }
         }
         children
@@ -307,92 +309,5 @@ impl Beam<'_> {
             }
         }
         kept
-    }
-
-    /// Where a shape can be added to a subassembly: near its places on single parts, or anywhere.
-    fn extensions(
-        &self,
-        state: &Subassembly,
-        shape: usize,
-        whole: bool,
-        monitor: &dyn Monitor,
-    ) -> Vec<Extension> {
-        let added = &self.shapes[shape];
-        let mut near: Vec<(Pose, f64)> = Vec::new();
-        for p in &state.placed {
-            let others = state.placed.iter().filter(|o| !std::ptr::eq(*o, p));
-            let carried = |o: &Placed| {
-                let axes = self.shapes[o.shape].axes.iter();
-                let carry = |(p, d): &(DVec3, DVec3)| (o.pose.apply(*p), o.pose.rotation * *d);
-                axes.map(carry).collect::<Vec<_>>()
-            };
-            let axes: Vec<(DVec3, DVec3)> = others.flat_map(carried).collect();
-            let close = ON_AXIS * added.mesh.bounds().diagonal();
-            for pair in self.pairs {
-                for seed in pair.beside(p.shape, shape, self.shapes) {
-                    near.extend(seed.moved(&p.pose).altered(&added.axes, &axes, close));
-                }
-            }
-        }
-        near.sort_by(|a, b| b.1.total_cmp(&a.1));
-        near.truncate(SEATED);
-        let there = state.mesh(self.shapes);
-        // Contact is told per area of the smaller side.
-        let added_moves = there.area() >= added.mesh.area();
-        let options = |symmetries: &[Pose]| MatingSearchOptions {
-            top: FOUND,
-            least: Some(HELD),
-            clearance: self.clearance,
-            symmetries: symmetries.to_vec(),
-            without_travel: true,
-            ..MatingSearchOptions::default()
-        };
-        let quiet = Quiet(monitor);
-        let run = |search: &MatingSearch<'_>, poses: Vec<Pose>| match whole {
-            true => search.run(&poses, &quiet),
-            false if poses.is_empty() => Vec::new(),
-            false => search.settle(&poses, &quiet),
-        };
-        let found: Vec<HeldPose> = match added_moves {
-            true => {
-                let search = MatingSearch::new(&there, &added.mesh, options(&added.symmetries));
-                run(&search, near.iter().map(|n| n.0).collect())
-            }
-            false => {
-                let search = MatingSearch::new(&added.mesh, &there, options(&[]));
-                run(&search, near.iter().map(|n| n.0.inverse()).collect())
-            }
-        };
-        let bounds = match added_moves {
-            true => added.mesh.bounds(),
-            false => there.bounds(),
-        };
-        let mut kept: Vec<HeldPose> = Vec::new();
-        for held in found {
-            let known = |k: &HeldPose| carries(&k.joint, &k.pose, &held.pose, &bounds);
-            if kept.len() < WAYS && !kept.iter().any(known) {
-                kept.push(held);
-            }
-        }
-        let extension = |held: HeldPose| {
-            let place = |pose: Pose| {
-                let joint = moved_joint(&held.joint, &(pose * held.pose.inverse()));
-                match added_moves {
-                    true => (pose, joint),
-                    // The joint is the same, seen from the other part.
-                    false => (pose.inverse(), moved_joint(&joint, &pose.inverse())),
-                }
-            };
-            let poses = [held.pose].into_iter().chain(held.alike.iter().copied());
-            Extension {
-                shape,
-                places: poses.map(place).collect(),
-                held: Held {
-                    rank: held.rank,
-                    share: held.hold.share,
-                },
-            }
-        };
-        kept.into_iter().map(extension).collect()
     }
 }

@@ -46,9 +46,7 @@ pub(crate) fn carries(joint: &Joint, from: &Pose, to: &Pose, bounds: &Aabb) -> b
         _ => 0.0,
     };
     let near = CARRIED * bounds.diagonal();
-    (0..8).all(|i| {
-        let side = |k: usize| f64::from(u8::from(i >> k & 1 == 1));
-        let corner = bounds.min + DVec3::new(side(0), side(1), side(2)) * bounds.size();
+    (bounds.corners().into_iter()).all(|corner| {
         to.apply(corner)
             .distance(turned(corner) + along * joint.axis)
             <= near

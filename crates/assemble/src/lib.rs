@@ -28,6 +28,7 @@
 mod beam;
 mod error;
 mod explode;
+mod extensions;
 mod families;
 mod pairs;
 mod report;

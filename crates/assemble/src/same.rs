@@ -54,12 +54,7 @@ fn maps(motion: &Pose, a: &Subassembly, b: &Subassembly, shapes: &[Shape]) -> bo
 fn coincide(a: &Pose, b: &Pose, shape: &Shape) -> bool {
     let bounds = shape.mesh.bounds();
     let near = SAME * bounds.diagonal();
-    let corners: Vec<DVec3> = (0..8)
-        .map(|i| {
-            let side = |k: usize| f64::from(u8::from(i >> k & 1 == 1));
-            bounds.min + DVec3::new(side(0), side(1), side(2)) * bounds.size()
-        })
-        .collect();
+    let corners = bounds.corners();
     if a.apply(bounds.center()).distance(b.apply(bounds.center())) > bounds.diagonal() {
         return false;
     }

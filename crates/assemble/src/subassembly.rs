@@ -1,10 +1,13 @@
 //! Shapes that have been put together.
 
+use std::sync::Arc;
+
 use fft_correlate::Pose;
 use fft_correlate::mating::{Joint, MatingSearch, MatingSearchOptions};
 use rayon::prelude::*;
 use sdf_grid::{Aabb, TriangleMesh};
 
+use crate::extensions::{Extension, Known};
 use crate::shape::Shape;
 
 /// What it costs that parts of one shape are held in unlike ways, for every way beyond the first,
@@ -61,6 +64,8 @@ pub(crate) struct Subassembly {
     pub(crate) score: f64,
     /// How much worse than in its best place on a single other one any part is held, nats.
     pub(crate) shortfall: f64,
+    /// What could be added to it before its last parts were, if that is known.
+    pub(crate) known: Option<Arc<Known>>,
 }
 
 impl Subassembly {
@@ -83,11 +88,11 @@ impl Subassembly {
     /// With more parts of a shape, at these poses.
     pub(crate) fn with(
         &self,
-        shape: usize,
+        extension: &Extension,
         members: &[usize],
         places: &[(Pose, Joint)],
-        held: Held,
     ) -> Self {
+        let (shape, held) = (extension.shape, extension.held);
         let mut grown = self.clone();
         for (member, (pose, joint)) in members.iter().zip(places) {
             grown.placed.push(Placed {
@@ -135,6 +140,7 @@ impl Subassembly {
             }
         };
         let mut whole = self.clone();
+        whole.known = None;
         let held: Vec<Held> = (0..meshes.len()).into_par_iter().map(held).collect();
         for (placed, held) in whole.placed.iter_mut().zip(&held) {
             placed.held = *held;

@@ -182,10 +182,7 @@ impl MatingContact {
             radius,
             clearance,
             resolution,
-            corners: std::array::from_fn(|i| {
-                let side = |k: usize| f64::from(u8::from(i >> k & 1 == 1));
-                bounds.min + DVec3::new(side(0), side(1), side(2)) * bounds.size()
-            }),
+            corners: bounds.corners(),
         }
     }
 

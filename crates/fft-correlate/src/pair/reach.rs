@@ -9,7 +9,7 @@ use sdf_grid::{Aabb, DensityField, FieldCache, Lattice, Monitor, TriangleMesh};
 use super::builder::{PairBuildError, PairPlan};
 use super::contact::ContactParts;
 use super::fields::{Pair, Partial};
-use super::region::{ContactRegion, PoseWindow, corners};
+use super::region::{ContactRegion, PoseWindow};
 use crate::geometry::se3::Pose;
 use crate::pair::model::Side;
 
@@ -42,7 +42,7 @@ impl PairPlan {
             Side::Fixed => *pose,
             Side::Moving => pose.inverse(),
         };
-        Aabb::around(corners(&self.lattice(larger.other()).node_bounds()).map(|c| to.apply(c)))
+        Aabb::around(self.lattice(larger.other()).node_bounds().corners().map(|c| to.apply(c)))
     }
 
     fn lattice(&self, side: Side) -> &Lattice {

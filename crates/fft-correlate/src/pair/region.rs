@@ -20,13 +20,13 @@ impl PoseWindow {
         let places = [self.displacements.min, self.displacements.max].map(|d| self.pivot + d);
         let places = Aabb::around(places);
         let farthest = |from: &[DVec3]| {
-            let corners = corners(other).into_iter();
+            let corners = other.corners().into_iter();
             let distances = corners.flat_map(|c| from.iter().map(move |p| c.distance(*p)));
             distances.fold(0.0, f64::max)
         };
         match side {
             Side::Fixed => places.grown(farthest(&[self.pivot])),
-            Side::Moving => Aabb::around([self.pivot]).grown(farthest(&corners(&places))),
+            Side::Moving => Aabb::around([self.pivot]).grown(farthest(&places.corners())),
         }
     }
 }
@@ -55,10 +55,3 @@ impl ContactRegion {
     }
 }
 
-/// The corners of a box.
-pub(super) fn corners(of: &Aabb) -> [DVec3; 8] {
-    std::array::from_fn(|i| {
-        let side = |k: usize| [of.min, of.max][i >> k & 1][k];
-        DVec3::new(side(0), side(1), side(2))
-    })
-}

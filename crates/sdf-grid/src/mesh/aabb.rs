@@ -46,6 +46,14 @@ impl Aabb {
         0.5 * (self.min + self.max)
     }
 
+    /// The eight corners, metres; the first coordinate changes fastest.
+    pub fn corners(&self) -> [DVec3; 8] {
+        std::array::from_fn(|i| {
+            let side = |axis: usize| [self.min, self.max][i >> axis & 1][axis];
+            DVec3::new(side(0), side(1), side(2))
+        })
+    }
+
     /// The smallest box around both boxes.
     #[must_use]
     pub fn union(&self, other: &Self) -> Self {

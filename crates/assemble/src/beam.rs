@@ -95,36 +95,37 @@ impl Beam<'_> {
         whole
     }
 
-    /// Takes parts out of the best assembly and puts them back, until that makes none better: all of
-    /// one shape, or of two that lie beside each other. Parts of `known` shapes stay.
+    /// Takes all parts of one shape after the other out of the best assembly and puts them back, until
+    /// that makes none better. Parts of `known` shapes stay.
     fn rebuilt(
         &self,
         mut found: Vec<Subassembly>,
         known: &[usize],
         monitor: &dyn Monitor,
     ) -> Vec<Subassembly> {
-        let mut done: Vec<Vec<usize>> = Vec::new();
+        let mut done: Vec<usize> = known.to_vec();
         while let Some(best) = found.first().cloned() {
-            let mut out = best.neighbours(self.shapes);
-            out.retain(|set| !done.contains(set) && !set.iter().any(|s| known.contains(s)));
-            let Some(set) = out.into_iter().next() else {
+            let mut out = best.shapes();
+            out.retain(|shape| !done.contains(shape));
+            let Some(shape) = out.first().copied() else {
                 break;
             };
             let mut rest = best.clone();
-            rest.placed.retain(|p| !set.contains(&p.shape));
+            rest.placed.retain(|p| p.shape != shape);
             rest.known = None;
-            done.push(set);
+            done.push(shape);
             if rest.placed.len() < 2 || monitor.cancelled() {
                 continue;
             }
-            let quiet = Quiet(monitor);
-            let grown = self.best(self.grow(vec![rest], REBUILT, &quiet), REBUILT);
-            let wholes = grown.iter().map(|s| self.as_a_whole(s));
-            found.extend(wholes);
+            let grown = self.grow(vec![rest], REBUILT, &Quiet(monitor));
+            let grown = self.best(grown, REBUILT);
+            found.extend(grown.iter().map(|s| self.as_a_whole(s)));
             found = self.best(found, usize::MAX);
-            tracing::debug!(set = ?done.last(), before = best.score, after = found[0].score, "rebuilt");
-            if found[0].score > best.score + BETTER {
-                done.clear();
+            let after = found[0].score;
+            tracing::debug!(shape, before = best.score, after, "rebuilt");
+            if after > best.score + BETTER {
+                done = known.to_vec();
+                done.push(shape);
             }
         }
         found
@@ -278,13 +279,21 @@ impl Beam<'_> {
         let mut children = Vec::new();
         for way in ways {
             let members = state.free(way.shape, self.shapes);
-            let places = self.apart(way.shape, way.places.clone());
-            if members.len() >= places.len() {
-                children.push(state.with(way, &members, &places));
-                continue;
-            }
-            for place in places.chunks(1).take(ALIKE) {
-                children.push(state.with(way, &members[..1], place));
+            // Places may exclude each other: each begins a choice, those turned most like it follow.
+            let mut chosen: Vec<Pose> = Vec::new();
+            for (i, (first, _)) in way.places.iter().enumerate().take(ALIKE) {
+                if chosen.contains(first) {
+                    continue;
+                }
+                let mut places = way.places.clone();
+                places.swap(0, i);
+                places[1..].sort_by(|a, b| a.0.angle_to(first).total_cmp(&b.0.angle_to(first)));
+                let mut places = self.apart(way.shape, places);
+                if members.len() < places.len() {
+                    places.truncate(1);
+                }
+                children.push(state.with(way, &members[..places.len()], &places));
+                chosen.extend(places.iter().map(|p| p.0));
             }
         }
         children

@@ -7,7 +7,7 @@ use glam::DVec3;
 use sdf_grid::{Aabb, Monitor};
 
 use crate::beam::Beam;
-use crate::families::{carries, moved_joint};
+use crate::families::{carries, distinct, moved_joint};
 use crate::pairs::Quiet;
 use crate::subassembly::{Held, Placed, Subassembly};
 
@@ -30,9 +30,6 @@ const NEAR: f64 = 0.1;
 /// Places of one shape are alike that are held alike to within so much, nats and share of the surface.
 const ALIKE: f64 = 0.5;
 const ALIKE_SHARE: f64 = 0.05;
-
-/// Places that differ by less are one, diagonals.
-const SAME: f64 = 0.01;
 
 /// Where parts of one shape can be added, alike.
 #[derive(Debug, Clone)]
@@ -120,29 +117,18 @@ impl Beam<'_> {
     /// Adds an extension, or its places to one that is alike.
     fn merge(&self, kept: &mut Vec<Extension>, extension: Extension) {
         let bounds = self.shapes[extension.shape].mesh.bounds();
-        let symmetries = &self.shapes[extension.shape].symmetries;
         let alike = |other: &&mut Extension| {
             let [a, b] = [other.held, extension.held];
             (a.rank - b.rank).abs() < ALIKE
                 && (a.share - b.share).abs() < ALIKE_SHARE * a.share
                 && other.places[0].1.kind == extension.places[0].1.kind
         };
-        let Some(other) = kept.iter_mut().find(alike) else {
-            return kept.push(extension);
-        };
-        let near = SAME * bounds.diagonal();
-        for (pose, joint) in extension.places {
-            let known = |(k, _): &(Pose, Joint)| {
-                let same = |s: &Pose| {
-                    let k = *k * *s;
-                    let away = |c: DVec3| k.apply(c).distance(pose.apply(c));
-                    bounds.corners().into_iter().all(|c| away(c) < near)
-                };
-                symmetries.iter().any(same)
-            };
-            if !other.places.iter().any(known) {
-                other.places.push((pose, joint));
+        match kept.iter_mut().find(alike) {
+            Some(other) => {
+                other.places.extend(extension.places);
+                distinct(&mut other.places, &bounds);
             }
+            None => kept.push(extension),
         }
     }
 
@@ -246,9 +232,11 @@ impl Beam<'_> {
                 }
             };
             let poses = [held.pose].into_iter().chain(held.alike.iter().copied());
+            let mut places: Vec<(Pose, Joint)> = poses.map(place).collect();
+            distinct(&mut places, &added.mesh.bounds());
             Extension {
                 shape,
-                places: poses.map(place).collect(),
+                places,
                 held: Held {
                     rank: held.rank,
                     share: held.hold.share,

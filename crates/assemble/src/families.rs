@@ -52,3 +52,15 @@ pub(crate) fn carries(joint: &Joint, from: &Pose, to: &Pose, bounds: &Aabb) -> b
             <= near
     })
 }
+
+/// Drops places that a joint carries an earlier one to.
+pub(crate) fn distinct(places: &mut Vec<(Pose, Joint)>, bounds: &Aabb) {
+    let mut kept: Vec<(Pose, Joint)> = Vec::new();
+    for (pose, joint) in places.drain(..) {
+        let known = |(at, joint): &(Pose, Joint)| carries(joint, at, &pose, bounds);
+        if !kept.iter().any(known) {
+            kept.push((pose, joint));
+        }
+    }
+    *places = kept;
+}

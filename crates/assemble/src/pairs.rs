@@ -6,7 +6,7 @@ use fft_correlate::Pose;
 use fft_correlate::mating::{HeldPose, Joint, JointKind, MatingSearch, MatingSearchOptions};
 use sdf_grid::Monitor;
 
-use crate::families::{carries, moved_joint};
+use crate::families::{carries, distinct, moved_joint};
 use crate::seeds::Seed;
 use crate::shape::Shape;
 
@@ -83,19 +83,26 @@ impl PairPlaces {
                 kept.push(held);
             }
         }
-        let places = kept.iter().flat_map(|held| {
+        let mut places: Vec<PairPlace> = Vec::new();
+        for held in kept {
             let poses = [held.pose].into_iter().chain(held.alike.iter().copied());
-            poses.map(|pose| PairPlace {
+            let place = |pose: Pose| {
+                let joint = moved_joint(&held.joint, &(pose * held.pose.inverse()));
+                (pose, joint)
+            };
+            let mut alike: Vec<(Pose, Joint)> = poses.map(place).collect();
+            distinct(&mut alike, &shapes[moving].mesh.bounds());
+            places.extend(alike.into_iter().map(|(pose, joint)| PairPlace {
                 pose,
                 rank: held.rank,
                 share: held.hold.share,
-                joint: moved_joint(&held.joint, &(pose * held.pose.inverse())),
-            })
-        });
+                joint,
+            }));
+        }
         Self {
             fixed,
             moving,
-            places: places.collect(),
+            places,
             seconds: began.elapsed().as_secs_f64(),
         }
     }

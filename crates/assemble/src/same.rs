@@ -106,7 +106,7 @@ mod tests {
                 })
                 .collect(),
             score: 0.0,
-            shortfall: 0.0,
+            ..Subassembly::default()
         };
         let [low, high, beside] = [DVec3::ZERO, 0.1 * DVec3::Z, 0.1 * DVec3::X];
         let stacked = placed([low, high]);

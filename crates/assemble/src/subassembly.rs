@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fft_correlate::Pose;
 use fft_correlate::mating::{Joint, MatingSearch, MatingSearchOptions};
 use rayon::prelude::*;
-use sdf_grid::{Aabb, TriangleMesh};
+use sdf_grid::TriangleMesh;
 
 use crate::extensions::{Extension, Known};
 use crate::shape::Shape;
@@ -18,9 +18,6 @@ const UNLIKE: f64 = 6.0;
 /// differ by less than this factor.
 const ALIKE: f64 = 1.5;
 const ALIKE_SHARE: f64 = 1.15;
-
-/// Parts lie beside each other whose boxes come so near, of the smaller one's diagonal.
-const BESIDE: f64 = 0.02;
 
 /// How contact holds a part.
 #[derive(Debug, Clone, Copy, Default)]
@@ -152,34 +149,17 @@ impl Subassembly {
         whole
     }
 
-    /// Shapes, and pairs of shapes of which parts lie beside each other; those first that are held worst.
-    pub(crate) fn neighbours(&self, shapes: &[Shape]) -> Vec<Vec<usize>> {
-        let bounds = |p: &Placed| moved(&shapes[p.shape].mesh, &p.pose).bounds();
-        let bounds: Vec<Aabb> = self.placed.iter().map(bounds).collect();
-        let mut sets: Vec<Vec<usize>> = Vec::new();
-        let mut add = |mut set: Vec<usize>| {
-            set.sort_unstable();
-            set.dedup();
-            if !sets.contains(&set) {
-                sets.push(set);
-            }
-        };
-        for (i, a) in self.placed.iter().enumerate() {
-            add(vec![a.shape]);
-            for (j, b) in self.placed.iter().enumerate().skip(i + 1) {
-                let near = BESIDE * bounds[j].diagonal().min(bounds[i].diagonal());
-                if bounds[i].grown(near).overlaps(&bounds[j]) {
-                    add(vec![a.shape, b.shape]);
-                }
-            }
-        }
+    /// The shapes that are placed, those first of which a part is held worst.
+    pub(crate) fn shapes(&self) -> Vec<usize> {
+        let mut shapes: Vec<usize> = self.placed.iter().map(|p| p.shape).collect();
+        shapes.sort_unstable();
+        shapes.dedup();
         let worst = |shape: &usize| {
             let of_shape = self.placed.iter().filter(|p| p.shape == *shape);
             of_shape.map(|p| p.held.rank).fold(f64::INFINITY, f64::min)
         };
-        let held = |set: &Vec<usize>| set.iter().map(worst).sum::<f64>();
-        sets.sort_by(|a, b| a.len().cmp(&b.len()).then(held(a).total_cmp(&held(b))));
-        sets
+        shapes.sort_by(|a, b| worst(a).total_cmp(&worst(b)));
+        shapes
     }
 
     /// All surfaces as one.

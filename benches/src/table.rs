@@ -1,5 +1,6 @@
 //! Tables of results: on the screen, as CSV, and as parts of the page `docs/report.md`.
 
+pub use sdf_grid::text::significant;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -103,19 +104,6 @@ impl Table {
     fn is_numeric(&self, column: usize) -> bool {
         let plain = |cell: &str| cell.is_empty() || cell == "-" || cell.parse::<f64>().is_ok();
         self.rows.iter().all(|row| plain(&row[column]))
-    }
-}
-
-/// A number with so many significant digits, as short as it can be read.
-pub fn significant(value: f64, digits: usize) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return value.to_string();
-    }
-    let exponent = value.abs().log10().floor() as i32;
-    let after = digits as i32 - 1 - exponent;
-    match exponent {
-        -4..6 => format!("{value:.*}", after.max(0) as usize),
-        _ => format!("{value:.*e}", digits.saturating_sub(1)),
     }
 }
 

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use sdf_grid::{InterferenceQuery, Monitor};
 
 use crate::extensions::{Extension, HELD, Known};
+use crate::families::turned;
 use crate::pairs::{PairPlaces, Quiet};
 use crate::same::are_same;
 use crate::shape::Shape;
@@ -26,6 +27,9 @@ const SHARED: f64 = 1e-3;
 /// choices of parts.
 const FOLLOWED: f64 = 25.0;
 const SETS: usize = 8;
+
+/// Subassemblies beside which parts are searched for anywhere, where no place on a single part does.
+const ANYWHERE: usize = 2;
 
 /// Subassemblies of the same parts are as good that differ by less, nats.
 const TIE: f64 = 1.0;
@@ -76,13 +80,22 @@ impl Beam<'_> {
             monitor.advance(most.saturating_sub(reached) as u64);
             reached = reached.max(most);
             let mut grown: Vec<Subassembly> = Vec::new();
-            for state in &open {
-                let children = self.grown(state, monitor);
+            let mut ended: Vec<Subassembly> = Vec::new();
+            for state in open {
+                let children = self.grown(&state, |s| self.extensions(&state, s, monitor));
                 match children.is_empty() {
-                    true => done.push(state.clone()),
+                    true => ended.push(state),
                     false => grown.extend(children),
                 }
             }
+            // A whole search costs much: only where nothing else goes on, until one does.
+            for state in ended.iter().take(ANYWHERE) {
+                if grown.is_empty() {
+                    let anywhere = |s| self.extensions_anywhere(state, s, monitor);
+                    grown = self.grown(state, anywhere);
+                }
+            }
+            done.extend(ended);
             open = self.promising(grown, width);
         }
         done.extend(open);
@@ -227,7 +240,14 @@ impl Beam<'_> {
                 same.push(state);
             }
         }
-        kept.into_iter().flat_map(|(_, states)| states).collect()
+        // The best of each choice of parts, then the second best, and so on.
+        let ranked = kept
+            .into_iter()
+            .flat_map(|(_, s)| s.into_iter().enumerate());
+        let mut ranked: Vec<(usize, Subassembly)> = ranked.collect();
+        ranked.sort_by_key(|(rank, _)| *rank);
+        ranked.truncate(3 * width);
+        ranked.into_iter().map(|(_, state)| state).collect()
     }
 
     /// The best of some subassemblies, without those that are the same.
@@ -245,28 +265,20 @@ impl Beam<'_> {
         kept
     }
 
-    /// A subassembly with one more part, or with all parts of a shape for which there are places.
-    fn grown(&self, state: &Subassembly, monitor: &dyn Monitor) -> Vec<Subassembly> {
-        let open: Vec<usize> = (0..self.shapes.len())
-            .filter(|s| state.count(*s) < self.shapes[*s].parts.len())
-            .collect();
-        let extend = |of: &(dyn Fn(usize) -> Vec<Extension> + Sync)| -> Known {
-            let found: Vec<Vec<Extension>> = open.par_iter().map(|s| of(*s)).collect();
-            let mut extensions = vec![None; self.shapes.len()];
-            for (shape, found) in open.iter().zip(found) {
-                extensions[*shape] = Some(found);
-            }
-            Known {
-                placed: state.placed.len(),
-                extensions,
-            }
-        };
-        let mut known = extend(&|s| self.extensions(state, s, monitor));
-        if known.all().next().is_none() {
-            known = extend(&|s| self.extensions_anywhere(state, s, monitor));
-        }
+    /// A subassembly with one more part, or with all parts of a shape for which there are places; what
+    /// can be added of a shape is found by `extensions`.
+    fn grown(
+        &self,
+        state: &Subassembly,
+        extensions: impl Fn(usize) -> Vec<Extension> + Sync,
+    ) -> Vec<Subassembly> {
+        let missing = |s: usize| state.count(s) < self.shapes[s].parts.len();
+        let of = |s: usize| missing(s).then(|| extensions(s));
+        let known = Arc::new(Known {
+            placed: state.placed.len(),
+            extensions: (0..self.shapes.len()).into_par_iter().map(of).collect(),
+        });
         let mut state = state.clone();
-        let known = Arc::new(known);
         state.known = Some(Arc::clone(&known));
         let ways = known.extensions.iter().flatten();
         let ways: Vec<&Extension> = ways.flat_map(|of| of.iter().take(WAYS)).collect();
@@ -281,13 +293,15 @@ impl Beam<'_> {
             let members = state.free(way.shape, self.shapes);
             // Places may exclude each other: each begins a choice, those turned most like it follow.
             let mut chosen: Vec<Pose> = Vec::new();
-            for (i, (first, _)) in way.places.iter().enumerate().take(ALIKE) {
-                if chosen.contains(first) {
+            let symmetries = &self.shapes[way.shape].symmetries;
+            for (i, first) in way.places.iter().enumerate().take(ALIKE) {
+                if chosen.contains(&first.0) {
                     continue;
                 }
                 let mut places = way.places.clone();
                 places.swap(0, i);
-                places[1..].sort_by(|a, b| a.0.angle_to(first).total_cmp(&b.0.angle_to(first)));
+                let turn = |place: &(Pose, Joint)| turned(first, &place.0, symmetries);
+                places[1..].sort_by(|a, b| turn(a).total_cmp(&turn(b)));
                 let mut places = self.apart(way.shape, places);
                 if members.len() < places.len() {
                     places.truncate(1);

@@ -49,13 +49,6 @@ pub(crate) struct Known {
     pub(crate) extensions: Vec<Option<Vec<Extension>>>,
 }
 
-impl Known {
-    /// All that could be added.
-    pub(crate) fn all(&self) -> impl Iterator<Item = &Extension> {
-        self.extensions.iter().flatten().flatten()
-    }
-}
-
 /// A pose to begin at, and how well one other part holds it there, nats.
 type Start = (Pose, f64);
 

@@ -53,6 +53,21 @@ pub(crate) fn carries(joint: &Joint, from: &Pose, to: &Pose, bounds: &Aabb) -> b
     })
 }
 
+/// How far a part at one pose is turned from its place at another, radians: up to its symmetries, and
+/// where it may turn there, by its axis alone.
+pub(crate) fn turned(from: &(Pose, Joint), to: &Pose, symmetries: &[Pose]) -> f64 {
+    let (at, joint) = from;
+    match joint.kind {
+        JointKind::Revolute | JointKind::Screw | JointKind::Cylindrical => {
+            let (axis, _) = joint.in_moving_frame(at);
+            joint.axis.angle_between(to.rotation * axis)
+        }
+        _ => (symmetries.iter())
+            .map(|s| at.angle_to(&(*to * *s)))
+            .fold(f64::INFINITY, f64::min),
+    }
+}
+
 /// Drops places that a joint carries an earlier one to.
 pub(crate) fn distinct(places: &mut Vec<(Pose, Joint)>, bounds: &Aabb) {
     let mut kept: Vec<(Pose, Joint)> = Vec::new();

@@ -60,9 +60,17 @@ pub(crate) enum CommandError {
         /// What helps.
         next: Option<String>,
     },
-    /// The user asked to stop.
-    #[error("interrupted; finished results are kept")]
+    /// The user asked to stop; what is kept is not known here.
+    #[error("interrupted")]
     Interrupted,
+    /// The user asked to stop.
+    #[error("interrupted: {kept}")]
+    Stopped {
+        /// What is kept of what was done.
+        kept: String,
+        /// The command that goes on.
+        next: Option<String>,
+    },
 }
 
 /// What is wrong with a line of a scene file, with the text so that the line can be shown.
@@ -224,6 +232,19 @@ impl CommandError {
         Self::input("command line", item, expected, found)
     }
 
+    /// The user asked to stop a command that has kept something and does not go on.
+    pub(crate) fn stopped(kept: impl Into<String>) -> Self {
+        let kept = kept.into();
+        Self::Stopped { kept, next: None }
+    }
+
+    /// Words of a command line that cannot be used.
+    pub(crate) fn usage(said: &clap::Error) -> Self {
+        let text = said.to_string();
+        let text = text.strip_prefix("error: ").unwrap_or(&text);
+        Self::Verdict(text.trim_end().to_owned(), Exit::BadInput)
+    }
+
     /// A plane of a slice that cannot be used.
     pub(crate) fn slice(error: SliceTextError) -> Self {
         Self::option("--slice", SliceTextError::EXPECTED, error.found)
@@ -256,14 +277,12 @@ impl CommandError {
 
     /// A table that cannot be used; where there is none, how to come by one.
     pub(crate) fn table(error: StoreError) -> Self {
-        let missing = match &error {
-            StoreError::Missing { path } => Some(path.display().to_string()),
-            _ => None,
-        };
-        let failed = Self::bad_input("table", error);
-        match missing {
-            Some(path) => failed.with_next(format!("`pegfit bake SCENE -o {path}` makes one")),
-            None => failed,
+        match &error {
+            StoreError::Missing { path } => {
+                let next = format!("`pegfit bake SCENE -o {}` makes one", shell_word(path));
+                Self::bad_input("no table to read", error).with_next(next)
+            }
+            _ => Self::bad_input("the table cannot be used", error),
         }
     }
 
@@ -310,7 +329,7 @@ impl CommandError {
     pub(crate) fn help(&self) -> Option<&str> {
         match self {
             Self::Line(error) => error.next.as_deref(),
-            Self::Library { next, .. } => next.as_deref(),
+            Self::Library { next, .. } | Self::Stopped { next, .. } => next.as_deref(),
             _ => None,
         }
     }
@@ -349,7 +368,7 @@ impl CommandError {
             // A file that is missing is a wrong argument; one that cannot be written is not.
             Self::Library { input: true, .. } | Self::Io { action: "read", .. } => Exit::BadInput,
             Self::Library { .. } | Self::Io { .. } | Self::Failed(_) => Exit::Failure,
-            Self::Interrupted => Exit::Interrupted,
+            Self::Interrupted | Self::Stopped { .. } => Exit::Interrupted,
         }
     }
 }
@@ -369,28 +388,38 @@ pub(crate) fn refuse<T>(
 /// A scene that cannot be read, and how to come by one.
 fn no_scene(path: &Path, source: std::io::Error) -> CommandError {
     let is_missing = source.kind() == std::io::ErrorKind::NotFound;
-    let file = path.display();
-    let error = CommandError::bad_input(format!("cannot read {file}"), source);
-    match (other_file(path), is_missing) {
-        (_, true) => error.with_next(format!(
-            "`pegfit scene SOLIDS --moving NAME -o {file}` makes a scene of a file of solids; of two \
-             meshes it is three lines: unit = \"mm\", fixed = \"hole.stl\", moving = \"peg.stl\""
+    let error = CommandError::bad_input(format!("cannot read {}", path.display()), source);
+    match other_file(path) {
+        Some(advice) => error.with_next(advice),
+        None if is_missing => error.with_next(format!(
+            "`pegfit scene SOLIDS --moving NAME -o {}` makes a scene of a file of solids; of two \
+             meshes it is three lines: unit = \"mm\", fixed = \"hole.stl\", moving = \"peg.stl\"",
+            shell_word(path)
         )),
-        (Some(advice), false) => error.with_next(advice),
-        (None, false) => error,
+        None => error,
     }
 }
 
 /// What to do with a file that is not called as scenes are.
 fn other_file(path: &Path) -> Option<String> {
-    let is_scene = path.extension().is_some_and(|e| e == "toml");
-    let file = path.display();
-    (!is_scene).then(|| {
-        format!(
+    let ending = path.extension().unwrap_or_default();
+    if ending == "toml" {
+        return None;
+    }
+    let file = shell_word(path);
+    Some(match ending == "zarr" {
+        true => format!("tables are read by `--table {file}`; a scene is a file scene.toml"),
+        false => format!(
             "a scene is a file of its own (scene.toml): `pegfit scene {file}` makes one of solids or \
              a robot"
-        )
+        ),
     })
+}
+
+/// A path as a word of a command to type.
+pub(crate) fn shell_word(path: &Path) -> String {
+    let text = path.display().to_string();
+    shlex::try_quote(&text).map_or_else(|_| text.clone(), |quoted| quoted.into_owned())
 }
 
 /// How a run of `pegfit` ended, as the shell sees it.

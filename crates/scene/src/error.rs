@@ -105,7 +105,7 @@ pub enum SceneError {
     },
     /// No table of the scene meets the tolerance that was asked for.
     #[error(
-        "{}: errors of force and torque of {asked} of the rms asked for, {reached} reached: {limit:?}",
+        "{}: errors of force and torque of {asked} of the rms asked for, {reached} reached: {limit}",
         path.display()
     )]
     Tolerance {

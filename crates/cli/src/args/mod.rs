@@ -1,6 +1,8 @@
 //! Arguments of the command line.
 
 pub(crate) mod device_choice;
+mod examples;
+pub(crate) mod global;
 
 use std::net::IpAddr;
 use std::path::PathBuf;
@@ -12,10 +14,11 @@ use sdf_grid::LengthUnit;
 use sdf_grid::mesh_io::ReadOptions;
 
 use crate::args::device_choice::DeviceChoice;
+use crate::args::global::Global;
 
 /// Assembly forces from two meshes: density fields, FFT docking, tables and a haptic loop.
 #[derive(Debug, Parser)]
-#[command(version, max_term_width = 100, after_help = EXIT_CODES)]
+#[command(version, max_term_width = 100, after_help = AFTER)]
 pub(crate) struct Arguments {
     /// What every command understands.
     #[command(flatten)]
@@ -25,68 +28,73 @@ pub(crate) struct Arguments {
     pub(crate) command: Command,
 }
 
-const EXIT_CODES: &str = "\
-Exit codes: 0 success, 1 failure, 2 unusable arguments or input, 3 unusable mesh (check), \
-4 damaged table (table), 130 interrupted.
-PEGFIT_LOG=debug (or info, trace) prints what the libraries are doing.";
-
-/// Options of every command.
-#[derive(Debug, Clone, Args)]
-pub(crate) struct Global {
-    /// Worker threads [default: one per core]
-    #[arg(long, global = true, value_name = "N")]
-    pub(crate) threads: Option<usize>,
-    /// Most memory to use, GiB [default: nine tenths of what is available]
-    #[arg(long, global = true, value_name = "GIB")]
-    pub(crate) memory: Option<f64>,
-    /// No progress bars and no remarks
-    #[arg(long, short, global = true)]
-    pub(crate) quiet: bool,
-    /// Print the result as JSON on standard output
-    #[arg(long, global = true)]
-    pub(crate) json: bool,
-}
+const AFTER: &str = concat!(
+    "Exit codes: 0 success, 1 failure, 2 unusable arguments or input, 3 unusable mesh (check), ",
+    "4 damaged table (table), 130 interrupted.\n",
+    "PEGFIT_LOG chooses what -v prints, as in PEGFIT_LOG=fft_correlate=debug; NO_COLOR=1 means ",
+    "--color never.\n\nManual: ",
+    env!("CARGO_PKG_REPOSITORY")
+);
 
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Run everything on three pegs and holes, with pictures and a page that explains them
+    #[command(after_help = examples::DEMO)]
     Demo(DemoArgs),
     /// Check whether meshes, or those of a scene, can be used, and print what had to be repaired
+    #[command(after_help = examples::CHECK)]
     Check(CheckArgs),
     /// Make a scene of a file of solids (STEP, 3MF, glTF, ...) or of a robot (URDF, MJCF)
+    #[command(after_help = examples::SCENE)]
     Scene(SceneArgs),
     /// Compute the density field of one mesh and write it for ParaView
+    #[command(after_help = examples::FIELD)]
     Field(FieldArgs),
     /// Tabulate a scene's energy over its whole domain
+    #[command(after_help = examples::BAKE)]
     Bake(BakeArgs),
     /// Print a table's contents, size and stated error
+    #[command(after_help = examples::TABLE)]
     Table(TableArgs),
     /// Measure a table's error at fresh poses and compare it with the stated one
+    #[command(after_help = examples::VERIFY)]
     Verify(VerifyArgs),
     /// Score, energy, force and torque at listed poses
+    #[command(after_help = examples::SCORE)]
     Score(ScoreArgs),
     /// Search a scene's whole domain for the best poses
+    #[command(after_help = examples::DOCK)]
     Dock(DockArgs),
     /// Dock every part of a library on one part: which fit, where, and how well
+    #[command(after_help = examples::SCREEN)]
     Screen(ScreenArgs),
     /// Find an insertion path to the fit, with the forces along it, or prove that there is none
+    #[command(after_help = examples::PATH)]
     Path(PathArgs),
     /// Find the order in which the parts of a scene come apart, with a removal path for each
+    #[command(after_help = examples::DISASSEMBLE)]
     Disassemble(DisassembleArgs),
     /// Put loose parts together: which part belongs to which, where, and in which order
+    #[command(after_help = examples::ASSEMBLE)]
     Assemble(AssembleArgs),
     /// Run the 1 kHz loop on a page, with the mouse as operator and the forces shown
+    #[command(after_help = examples::PLAY)]
     Play(PlayArgs),
     /// Run the 1 kHz haptic loop
+    #[command(after_help = examples::FEEL)]
     Feel(FeelArgs),
     /// List the haptic devices attached and what each can do
+    #[command(after_help = examples::DEVICES)]
     Devices(DevicesArgs),
     /// Draw one of the paper's figures for a scene
+    #[command(after_help = examples::PLOT)]
     Plot(PlotArgs),
     /// Print a shell's completions of these commands
+    #[command(after_help = examples::COMPLETIONS)]
     Completions(CompletionsArgs),
     /// Write the manual pages of these commands into a folder
+    #[command(after_help = examples::MAN)]
     Man(ManArgs),
 }
 

@@ -71,7 +71,10 @@ pub(super) fn run(args: &AssembleArgs, context: &Context) -> Result<(), CommandE
         print(&report.result, &report.names, &args.output);
     })?;
     match interrupted() {
-        true => Err(CommandError::Interrupted),
+        true => Err(CommandError::stopped(format!(
+            "what was put together so far is in {}",
+            args.output.display()
+        ))),
         false => Ok(()),
     }
 }

@@ -52,18 +52,24 @@ pub(super) fn run(args: &CheckArgs, context: &Context) -> Result<(), CommandErro
             say!("{line}");
         }
     })?;
-    let unusable = findings
-        .meshes
-        .iter()
-        .filter(|verdict| !verdict.is_usable())
-        .count();
-    match unusable {
-        0 => Ok(()),
-        count => Err(CommandError::Verdict(
-            format!("{count} of {} meshes cannot be used", findings.meshes.len()),
-            Exit::UnusableMesh,
-        )),
+    let verdicts = findings.meshes.iter().zip(&inputs);
+    let unusable: Vec<&MeshInput> = verdicts
+        .filter(|(verdict, _)| !verdict.is_usable())
+        .map(|(_, input)| input)
+        .collect();
+    if unusable.is_empty() {
+        return Ok(());
     }
+    // A file that is not there is a wrong argument, as everywhere.
+    let exit = match unusable.iter().any(|input| input.path.exists()) {
+        true => Exit::UnusableMesh,
+        false => Exit::BadInput,
+    };
+    let (count, all) = (unusable.len(), findings.meshes.len());
+    Err(CommandError::Verdict(
+        format!("{count} of {all} meshes cannot be used"),
+        exit,
+    ))
 }
 
 /// Every mesh of a scene once, however often it stands there.

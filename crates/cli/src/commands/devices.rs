@@ -48,9 +48,16 @@ fn kinds(name: Option<&str>) -> Vec<DeviceKind> {
     named.map_or_else(|| DeviceKind::ALL.to_vec(), |kind| vec![kind])
 }
 
-/// Says what a kind of device wants before there can be one.
+/// Says what a kind of device wants before there can be one; `-v` says where it was looked for.
 fn print_missing(missing: &MissingDriver) {
-    remark!("{}: {}", missing.kind.word(), missing.reason);
+    let word = missing.kind.word();
+    match (&missing.driver, missing.kind.driver_page()) {
+        (Some(driver), Some(page)) => {
+            remark!("{word}: {driver} is not installed; {page}");
+            tracing::info!("{word}: {}", missing.reason);
+        }
+        _ => remark!("{word}: {}", missing.reason),
+    }
 }
 
 fn print(device: &DeviceInfo) {
@@ -206,7 +213,7 @@ fn pick<'a>(
 }
 
 fn failure(why: impl Into<String>) -> CommandError {
-    CommandError::failure("devices", why.into())
+    CommandError::failure("no haptic device to use", why.into())
 }
 
 /// Why none of these can be used; prints what would help.

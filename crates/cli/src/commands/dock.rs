@@ -104,7 +104,7 @@ pub(super) fn run(args: &DockArgs, context: &Context) -> Result<(), CommandError
     }
     // What was scored before Ctrl-C has been written; the exit code says that it is not all.
     match interrupted() {
-        true => Err(CommandError::Interrupted),
+        true => Err(CommandError::stopped("the poses found so far are written")),
         false => Ok(()),
     }
 }

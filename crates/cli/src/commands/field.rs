@@ -162,7 +162,7 @@ impl Task<'_> {
 /// The plane of the picture; y = 0 if only --png is given.
 fn wanted_slice(args: &FieldArgs) -> Result<Option<Slice>, CommandError> {
     if outputs(args).next().is_none() {
-        return refuse("--output, --png, --skeleton", "a file to write", "neither");
+        return refuse("--output, --png or --skeleton", "a file to write", "none");
     }
     match (&args.slice, &args.png) {
         (Some(text), Some(_)) => Slice::parse(text, args.unit)

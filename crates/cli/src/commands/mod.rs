@@ -1,6 +1,7 @@
 //! The commands: from parsed arguments through validation to library calls and printed results.
 
-use crate::args::{Arguments, Command, Global};
+use crate::args::global::Global;
+use crate::args::{Arguments, Command};
 use crate::context::Context;
 use crate::error::{CommandError, refuse};
 use crate::memory;
@@ -21,6 +22,7 @@ mod feel;
 mod field;
 
 mod haptic_session;
+pub(crate) mod interrupted;
 mod joint;
 mod manual;
 mod part_files;

@@ -12,6 +12,7 @@ use pegfit_pictures::{
     distance_contours, sheet,
 };
 use pegfit_scene::{Assembly, Motion, ProfilePoint, SceneSetup};
+use sdf_grid::text::significant;
 use sdf_grid::{Aabb, DensityError, DensityField, Monitor, TriangleMesh, atomic};
 
 use crate::args::{PlotArgs, PlotKind};
@@ -101,6 +102,9 @@ fn middle(setup: &SceneSetup) -> Result<Slice, CommandError> {
 
 /// Poses on a curve.
 const SAMPLES: usize = 241;
+
+/// Significant digits of what is measured on a well.
+const DIGITS: usize = 3;
 
 /// One degree of freedom through the assembled pose, by the number of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -459,25 +463,31 @@ fn print_well(assembly: &Assembly, well: &Well) {
         offset.z
     );
     say!(
-        "stiffness is the second difference of the energy over {:.4} {unit} (and the angle that \
+        "stiffness is the second difference of the energy over {} {unit} (and the angle that \
          moves the rim by it)",
-        well.length / metre
+        significant(well.length / metre, DIGITS)
     );
     say!("  axis     stiffness          diameter           peak");
     for (name, axis) in AXES.iter().zip(&well.translations) {
         say!(
-            "  {name:<4} {:>13.4} N/m  {:>10.4} {unit}  {:>10.4} N",
-            axis.stiffness,
-            (axis.sides[0].convex + axis.sides[1].convex) / metre,
-            axis.sides[0].peak.max(axis.sides[1].peak)
+            "  {name:<4} {:>13} N/m  {:>10} {unit}  {:>10} N",
+            significant(axis.stiffness, DIGITS),
+            significant(
+                (axis.sides[0].convex + axis.sides[1].convex) / metre,
+                DIGITS
+            ),
+            significant(axis.sides[0].peak.max(axis.sides[1].peak), DIGITS)
         );
     }
     for (name, axis) in AXES.iter().zip(&well.rotations) {
         say!(
-            "  r{name:<3} {:>13.6} N·m/rad {:>7.3} degrees {:>7.5} N·m",
-            axis.stiffness,
-            (axis.sides[0].convex + axis.sides[1].convex).to_degrees(),
-            axis.sides[0].peak.max(axis.sides[1].peak)
+            "  r{name:<3} {:>13} N·m/rad {:>7} degrees {:>7} N·m",
+            significant(axis.stiffness, DIGITS),
+            significant(
+                (axis.sides[0].convex + axis.sides[1].convex).to_degrees(),
+                DIGITS
+            ),
+            significant(axis.sides[0].peak.max(axis.sides[1].peak), DIGITS)
         );
     }
     say!("barriers, as fractions of the depth: the climb on the path out and on the path in");

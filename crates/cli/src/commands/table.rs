@@ -1,6 +1,8 @@
 //! `pegfit table`: what a table holds.
 
 use fft_correlate::{ErrorReport, Placement, Pose, RotationDomain, TableSpec, TableStore};
+use sdf_grid::Sampling;
+use sdf_grid::text::significant;
 use serde::Serialize;
 
 use super::stored;
@@ -62,8 +64,8 @@ fn print(d: &Description, store: &TableStore) {
         d.progress.rotations,
         domain(&spec.rotations),
         match &spec.symmetry {
-            Some(s) if s.order == 0 => format!(", the {:?} part turns freely", s.part),
-            Some(s) => format!(", the {:?} part has {} equal turns", s.part, s.order),
+            Some(s) if s.order == 0 => format!(", the {} part turns freely", s.part),
+            Some(s) => format!(", the {} part has {} equal turns", s.part, s.order),
             None => String::new(),
         }
     );
@@ -116,8 +118,8 @@ fn print_recipe(spec: &TableSpec) {
     }
     if let Some(field) = &spec.recipe.fixed {
         say!(
-            "  fields         {:?}, halo {:.4} mm, tolerance {}, version {}",
-            field.sampling,
+            "  fields         {}, halo {:.4} mm, tolerance {}, version {}",
+            sampling(field.sampling),
             1e3 * field.halo,
             field.tolerance,
             field.version
@@ -156,11 +158,20 @@ fn place(part: &str, pose: &Pose) {
     );
 }
 
+fn sampling(sampling: Sampling) -> String {
+    match sampling {
+        Sampling::Point => "values at the nodes".to_owned(),
+        Sampling::CellAverage => "means over the nodes' cells".to_owned(),
+        Sampling::Smoothed { deviation, .. } => format!("smoothed over {:.4} mm", 1e3 * deviation),
+    }
+}
+
 fn domain(domain: &RotationDomain) -> String {
     match domain {
         RotationDomain::List { rotations, .. } => format!("a list of {}", rotations.len()),
         RotationDomain::Spin { axis, step_deg, .. } => {
-            format!("a spin about {axis:?} every {step_deg:.4} degrees")
+            let [x, y, z] = axis.map(|c| significant(c, 4));
+            format!("a spin about ({x}, {y}, {z}) every {step_deg:.4} degrees")
         }
         RotationDomain::Ball {
             angle_deg,

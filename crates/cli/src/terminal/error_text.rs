@@ -4,6 +4,7 @@ use std::error::Error;
 
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use sdf_grid::text::shown_lines;
+use serde_json::json;
 
 use crate::error::CommandError;
 
@@ -38,9 +39,56 @@ pub(crate) fn error_text(error: &CommandError) -> String {
     renderer.render(&[group])
 }
 
+/// The same for programs, in one line: `error` has `message`, `causes`, `help` (or null), `exit` and, of
+/// a value that is not acceptable, `file`, `item`, `expected` and `found`.
+pub(crate) fn error_json(error: &CommandError) -> String {
+    let mut causes: Vec<String> = Vec::new();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        causes.push(error.to_string());
+        cause = error.source();
+    }
+    let mut said = json!({
+        "message": error.to_string(),
+        "causes": causes,
+        "help": error.help(),
+        "exit": error.exit() as u8,
+    });
+    match error {
+        CommandError::Input {
+            file,
+            item,
+            expected,
+            found,
+        } => {
+            said["file"] = json!(file);
+            said["item"] = json!(item);
+            said["expected"] = json!(expected);
+            said["found"] = json!(found);
+        }
+        CommandError::Line(line) => {
+            said["file"] = json!(line.file);
+            said["bytes"] = json!([line.span.start, line.span.end]);
+        }
+        _ => {}
+    }
+    json!({ "error": said }).to_string()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn programs_get_what_people_read() {
+        let error = CommandError::option("--top", "1 to 100", 0);
+        let found: serde_json::Value = serde_json::from_str(&error_json(&error)).unwrap();
+        let found = &found["error"];
+        assert_eq!(found["message"], error.to_string());
+        assert_eq!(found["found"], "0");
+        assert_eq!(found["exit"], 2);
+        assert!(found["help"].is_null());
+    }
 
     #[test]
     fn what_a_terminal_would_obey_is_escaped_in_every_cause() {

@@ -1,11 +1,12 @@
 //! Progress bars and the Ctrl-C flag, handed to the libraries as their [`Monitor`].
 //! While a device is held, a second Ctrl-C waits until the device has stopped.
 
+use std::fmt::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use sdf_grid::Monitor;
 use sdf_grid::text::shown_lines;
 
@@ -114,9 +115,15 @@ impl Monitor for Progress {
         };
         current.bar.finish_and_clear();
         let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::hidden());
-        let template = "{prefix:>24} {bar:28} {pos}/{len}  {per_sec}  {eta} left";
+        let template = "{prefix:>24} {bar:28} {pos}/{len}{rate}{left}";
         if let Ok(style) = ProgressStyle::with_template(template) {
-            bar.set_style(style);
+            let rate = |state: &ProgressState, out: &mut dyn Write| {
+                let _ = out.write_str(&rate(state.per_sec()));
+            };
+            let left = |state: &ProgressState, out: &mut dyn Write| {
+                let _ = out.write_str(&time_left(state.fraction(), state.elapsed()));
+            };
+            bar.set_style(style.with_key("rate", rate).with_key("left", left));
         }
         bar.set_prefix(shown_lines(stage).into_owned());
         *current = Stage {
@@ -141,6 +148,31 @@ impl Monitor for Progress {
 
     fn cancelled(&self) -> bool {
         interrupted()
+    }
+}
+
+/// Steps a second with two digits, or seconds a step; nothing before the first.
+fn rate(per_second: f64) -> String {
+    match per_second {
+        r if !r.is_finite() || r <= 0.0 => String::new(),
+        r if r >= 10.0 => format!("  {r:.0}/s"),
+        r if r >= 1.0 => format!("  {r:.1}/s"),
+        r => format!("  {:.1} s each", r.recip()),
+    }
+}
+
+/// The time left if all goes on as so far on the average, rounded as it deserves; nothing while too
+/// little is done to tell.
+fn time_left(done: f32, elapsed: Duration) -> String {
+    let done = f64::from(done);
+    if done >= 1.0 || done < 0.02 || elapsed < Duration::from_secs(2) {
+        return String::new();
+    }
+    let seconds = elapsed.as_secs_f64() * (1.0 - done) / done;
+    match seconds {
+        s if s < 55.0 => format!("  about {:.0} s left", (s / 5.0).ceil() * 5.0),
+        s if s < 90.0 * 60.0 => format!("  about {:.0} min left", (s / 60.0).ceil()),
+        s => format!("  about {:.1} h left", s / 3600.0),
     }
 }
 
@@ -181,6 +213,19 @@ pub fn wait_for_none(limit: Duration) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rates_and_times_have_the_digits_that_they_deserve() {
+        let texts = [123.4, 12.34, 1.234, 0.4, 0.0].map(rate);
+        assert_eq!(texts, ["  123/s", "  12/s", "  1.2/s", "  2.5 s each", ""]);
+        let left = |done: f32, seconds: u64| time_left(done, Duration::from_secs(seconds));
+        assert_eq!(left(0.01, 10), "");
+        assert_eq!(left(0.5, 1), "");
+        assert_eq!(left(0.5, 12), "  about 15 s left");
+        assert_eq!(left(0.5, 100), "  about 2 min left");
+        assert_eq!(left(0.1, 3600), "  about 9.0 h left");
+        assert_eq!(left(1.0, 10), "");
+    }
 
     #[test]
     fn waiting_ends_when_the_last_device_is_let_go_and_not_before() {

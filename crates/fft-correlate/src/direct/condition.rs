@@ -13,9 +13,9 @@ use sdf_grid::DensityField;
 
 use crate::direct::terms::{Blend, Term, score_terms};
 use crate::geometry::se3::Pose;
+use crate::geometry::side::Side;
 use crate::pair::fields::Pair;
 use crate::pair::interpolation::Interpolation;
-use crate::pair::model::Side;
 
 /// A score and the sum of the absolute values of its terms.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

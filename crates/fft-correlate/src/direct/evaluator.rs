@@ -19,10 +19,10 @@ use crate::direct::quadrature::{Blocks, Cells, Point, merge_limit};
 use crate::direct::terms::{Term, score_terms};
 use crate::energy::{EnergySource, Response, Scratch};
 use crate::geometry::se3::{Pose, Wrench};
+use crate::geometry::side::Side;
 use crate::pair::builder::{PairBuildError, coarser_pair};
 use crate::pair::contact::Contact;
 use crate::pair::fields::Pair;
-use crate::pair::model::Side;
 use crate::vectors;
 
 /// How many points a [`DirectEvaluator`] uses.
@@ -74,7 +74,7 @@ pub enum DirectError {
         found: f64,
     },
     /// A part's density is NaN or infinite at a node.
-    #[error("{side:?} part: density must be finite, found {found} at node {index:?}")]
+    #[error("{side} part: density must be finite, found {found} at node {index:?}")]
     NotFinite {
         /// The part.
         side: Side,
@@ -84,7 +84,7 @@ pub enum DirectError {
         found: num_complex::Complex32,
     },
     /// A part has no interior on its lattice: the lattice misses it, or is too coarse.
-    #[error("{side:?} part: no cell of its lattice is inside it (spacing {spacing} m)")]
+    #[error("{side} part: no cell of its lattice is inside it (spacing {spacing} m)")]
     Empty {
         /// The part.
         side: Side,
@@ -95,7 +95,7 @@ pub enum DirectError {
     #[error("on a lattice coarse enough for the points allowed: {0}")]
     Coarser(Box<PairBuildError>),
     /// A density has more non-zero nodes than 32-bit offsets reach.
-    #[error("{side:?} part: at most {limit} lattice nodes can be looked up, found {found}")]
+    #[error("{side} part: at most {limit} lattice nodes can be looked up, found {found}")]
     Size {
         /// The part.
         side: Side,

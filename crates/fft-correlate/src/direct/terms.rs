@@ -2,8 +2,8 @@
 
 use sdf_grid::DensityField;
 
+use crate::geometry::side::Side;
 use crate::pair::fields::Pair;
-use crate::pair::model::Side;
 
 /// Real weights of a part's two unit densities: `exterior * O + interior * I`.
 #[derive(Debug, Clone, Copy, PartialEq)]

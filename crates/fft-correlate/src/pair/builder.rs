@@ -11,10 +11,11 @@ use sdf_grid::{
     inscribed_sphere_radius,
 };
 
+use crate::geometry::side::Side;
 use crate::pair::contact::{Contact, ContactParts, Smoothing, jump};
 use crate::pair::fields::{Pair, PairError};
 use crate::pair::interpolation::Interpolation;
-use crate::pair::model::{PairRecipe, ScoreModel, Side};
+use crate::pair::model::{PairRecipe, ScoreModel};
 use crate::pair::region::ContactRegion;
 
 /// Lattice nodes of both parts together that [`default_spacing`] does not exceed.

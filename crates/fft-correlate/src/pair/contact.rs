@@ -9,7 +9,8 @@ use sdf_grid::{
 };
 
 use crate::geometry::se3::Pose;
-use crate::pair::model::{PairRecipe, ScoreModel, Side};
+use crate::geometry::side::Side;
+use crate::pair::model::{PairRecipe, ScoreModel};
 use crate::pair::region::ContactRegion;
 
 /// Variance, in squared spacings, that reading a lattice by quadratic B-splines adds.

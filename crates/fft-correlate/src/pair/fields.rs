@@ -9,10 +9,11 @@ use sdf_grid::{Aabb, DensityField, DensityKernel, FieldCache, KernelError, Latti
 use serde::Serialize;
 
 use crate::geometry::se3::Pose;
+use crate::geometry::side::Side;
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::contact::{Contact, jump};
 use crate::pair::interpolation::Interpolation;
-use crate::pair::model::{ModelError, PairRecipe, ScoreModel, Side};
+use crate::pair::model::{ModelError, PairRecipe, ScoreModel};
 
 /// The fixed and the moving part's densities, the model, and the moving part's pivot.
 ///

@@ -11,7 +11,7 @@ use super::contact::ContactParts;
 use super::fields::{Pair, Partial};
 use super::region::{ContactRegion, PoseWindow};
 use crate::geometry::se3::Pose;
-use crate::pair::model::Side;
+use crate::geometry::side::Side;
 
 /// Nodes along the sides of the blocks that sums over a part's cells are divided into, counted from the
 /// first node of the whole lattice. Of a part that is not there in full, those blocks are that are.
@@ -42,7 +42,12 @@ impl PairPlan {
             Side::Fixed => *pose,
             Side::Moving => pose.inverse(),
         };
-        Aabb::around(self.lattice(larger.other()).node_bounds().corners().map(|c| to.apply(c)))
+        Aabb::around(
+            self.lattice(larger.other())
+                .node_bounds()
+                .corners()
+                .map(|c| to.apply(c)),
+        )
     }
 
     fn lattice(&self, side: Side) -> &Lattice {

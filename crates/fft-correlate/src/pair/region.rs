@@ -3,7 +3,7 @@
 use glam::DVec3;
 use sdf_grid::Aabb;
 
-use crate::pair::model::Side;
+use crate::geometry::side::Side;
 
 /// Poses whose displacement of the moving part's pivot lies in a box, in all rotations.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,4 +54,3 @@ impl ContactRegion {
         }
     }
 }
-

@@ -5,6 +5,7 @@ use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::placement::Placement;
+use crate::geometry::side::Side;
 
 /// A set of rotations, as written in a scene file. Angles are degrees, quaternions `x, y, z, w`;
 /// all rotations map the moving part's axes to the fixed part's.
@@ -61,23 +62,13 @@ fn list_margin() -> f64 {
     5.0
 }
 
-/// The part a symmetry belongs to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Part {
-    /// The part whose frame poses map into.
-    Fixed,
-    /// The part that poses move.
-    Moving,
-}
-
 /// A part that looks the same after a turn about an axis. Poses that differ by such turns have one
 /// energy, so only one of them needs nodes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AxisSymmetry {
     /// Which part.
-    pub part: Part,
+    pub part: Side,
     /// Direction of the axis in the part's frame, any length but 0.
     pub axis: [f64; 3],
     /// A point on the axis in the part's frame, metres.

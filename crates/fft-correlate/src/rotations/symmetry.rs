@@ -7,7 +7,8 @@ use glam::{DQuat, DVec3};
 use sdf_grid::{SymmetryAxis, SymmetryOrder, TriangleMesh, symmetry};
 
 use crate::geometry::se3::{Pose, Wrench};
-use crate::rotations::domain::{AxisSymmetry, Part, RotationDomain};
+use crate::geometry::side::Side;
+use crate::rotations::domain::{AxisSymmetry, RotationDomain};
 
 /// Deviation from symmetry that counts as none, in lattice spacings: what a lattice cannot tell
 /// apart is symmetric enough.
@@ -45,7 +46,7 @@ pub(crate) fn table_symmetry(
         })
     };
     // An order beyond what grids accept is of no use to them.
-    [of(Part::Moving, moving), of(Part::Fixed, fixed)]
+    [of(Side::Moving, moving), of(Side::Fixed, fixed)]
         .into_iter()
         .flatten()
         .filter(|s| s.order <= HIGHEST_ORDER)
@@ -70,7 +71,7 @@ pub fn from_fit(pose: &Pose, fit: &Pose, pivot: DVec3, group: &[Pose]) -> (f64, 
 /// A validated part symmetry.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Symmetry {
-    part: Part,
+    part: Side,
     axis: DVec3,
     point: DVec3,
     order: u32,
@@ -173,8 +174,8 @@ impl Symmetry {
     /// `q` after the part is turned.
     pub(crate) fn turned(&self, q: DQuat, turn: DQuat) -> DQuat {
         match self.part {
-            Part::Moving => q * turn,
-            Part::Fixed => turn * q,
+            Side::Moving => q * turn,
+            Side::Fixed => turn * q,
         }
     }
 
@@ -190,8 +191,8 @@ impl Symmetry {
     /// they lie in the fixed frame for rotation `center`.
     pub(crate) fn frame(&self, center: DQuat) -> DQuat {
         let turn = match self.part {
-            Part::Moving => center,
-            Part::Fixed => DQuat::IDENTITY,
+            Side::Moving => center,
+            Side::Fixed => DQuat::IDENTITY,
         };
         let (x, z) = (self.axis.any_orthonormal_vector(), self.axis);
         let axes = glam::DMat3::from_cols(x, z.cross(x), z);
@@ -201,16 +202,16 @@ impl Symmetry {
     /// The rotation from `center` to `q` in the frame in which the axis is [`Self::axis`].
     fn relative(&self, q: DQuat, center: DQuat) -> DQuat {
         match self.part {
-            Part::Moving => center.conjugate() * q,
-            Part::Fixed => q * center.conjugate(),
+            Side::Moving => center.conjugate() * q,
+            Side::Fixed => q * center.conjugate(),
         }
     }
 
     /// A vector of the frame of [`Self::relative`] in the fixed frame.
     fn in_fixed_frame(&self, v: DVec3, center: DQuat) -> DVec3 {
         match self.part {
-            Part::Moving => center * v,
-            Part::Fixed => v,
+            Side::Moving => center * v,
+            Side::Fixed => v,
         }
     }
 
@@ -244,14 +245,14 @@ impl Symmetry {
             translation: self.point - turn * self.point,
         };
         match self.part {
-            Part::Moving => {
+            Side::Moving => {
                 let folded = *pose * about_axis;
                 let arm = folded.rotation * self.point;
                 let slide = self.slide(&folded, center, folded.rotation * self.axis, arm);
                 let shift = folded.translation - pose.translation;
                 (folded, Fold::Moving { shift, slide })
             }
-            Part::Fixed => {
+            Side::Fixed => {
                 let folded = about_axis * *pose;
                 let arm = self.point - folded.translation;
                 let slide = self.slide(&folded, center, self.axis, arm);
@@ -305,10 +306,10 @@ mod tests {
         let chosen = |fixed: &[_], moving: &[_]| {
             table_symmetry(&ball, fixed, moving).map(|s| (s.part, s.order))
         };
-        assert_eq!(chosen(&four, &two), Some((Part::Fixed, 4)));
-        assert_eq!(chosen(&two, &two), Some((Part::Fixed, 2)));
-        assert_eq!(chosen(&round, &four), Some((Part::Fixed, 0)));
-        assert_eq!(chosen(&many, &two), Some((Part::Moving, 2)));
+        assert_eq!(chosen(&four, &two), Some((Side::Fixed, 4)));
+        assert_eq!(chosen(&two, &two), Some((Side::Fixed, 2)));
+        assert_eq!(chosen(&round, &four), Some((Side::Fixed, 0)));
+        assert_eq!(chosen(&many, &two), Some((Side::Moving, 2)));
         assert_eq!(chosen(&[], &[]), None);
         let list = RotationDomain::List {
             rotations: vec![[0.0, 0.0, 0.0, 1.0]],

@@ -1,5 +1,7 @@
 //! Why nothing meets a tolerance.
 
+use std::fmt;
+
 use crate::direct::evaluator::DirectError;
 use crate::direct::tiles::TileError;
 use crate::pair::builder::PairBuildError;
@@ -46,12 +48,44 @@ pub enum Limit {
     },
 }
 
+impl fmt::Display for Limit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Spacings { best } => write!(f, "the finest spacing tried is {best} m"),
+            Self::LatticeMemory {
+                best,
+                next,
+                what,
+                needed,
+                limit,
+            } => write!(
+                f,
+                "at a spacing of {best} m; for {next} m, {what} would need {needed} bytes of {limit}"
+            ),
+            Self::Steps { best } => write!(f, "the finest rotation step tried is {best} degrees"),
+            Self::TableMemory {
+                best,
+                next,
+                needed: Some(needed),
+                limit,
+            } => write!(
+                f,
+                "at a rotation step of {best} degrees; {next} would need {needed} bytes of {limit}"
+            ),
+            Self::TableMemory { best, next, .. } => write!(
+                f,
+                "at a rotation step of {best} degrees; {next} is more than any table may have"
+            ),
+        }
+    }
+}
+
 /// Why nothing was chosen.
 #[derive(Debug, thiserror::Error)]
 pub enum ToleranceError {
     /// None that was tried meets the tolerance.
     #[error(
-        "errors of force and torque of {asked} of the rms asked for, {reached} reached: {limit:?}"
+        "errors of force and torque of {asked} of the rms asked for, {reached} reached: {limit}"
     )]
     Missed {
         /// Share of the rms of force and torque.

@@ -21,8 +21,8 @@ fn plan_covers_every_term_once() {
             |f: &dyn Fn(&fft_correlate::testing::Term) -> f64| terms.iter().map(f).sum::<f64>();
         // A term is symmetric in points and lookup but for which part is which.
         let part = |t: &fft_correlate::testing::Term| match t.points {
-            fft_correlate::testing::Side::Fixed => (t.weights, t.lookup),
-            fft_correlate::testing::Side::Moving => (t.lookup, t.weights),
+            fft_correlate::Side::Fixed => (t.weights, t.lookup),
+            fft_correlate::Side::Moving => (t.lookup, t.weights),
         };
         let (l1, l2) = (m.lambda_exterior, m.lambda_interior);
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "w = {w}: {a} is not {b}");

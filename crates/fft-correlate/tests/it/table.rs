@@ -4,7 +4,7 @@
 use std::f64::consts::{FRAC_PI_4, TAU};
 
 use crate::common::*;
-use fft_correlate::{AxisSymmetry, EnergyTable, Part, Pose, RotationDomain, RotationGrid, Twist};
+use fft_correlate::{AxisSymmetry, EnergyTable, Pose, RotationDomain, RotationGrid, Side, Twist};
 use glam::{DQuat, DVec3};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
@@ -137,7 +137,7 @@ fn wrench_is_the_energys_gradient_inside_across_edges_and_seams() {
 
 #[test]
 fn symmetric_tables_agree_with_the_closed_form_everywhere_and_stay_conservative() {
-    for part in [Part::Moving, Part::Fixed] {
+    for part in [Side::Moving, Side::Fixed] {
         for order in [0, 3, 4] {
             let symmetry = symmetry(part, order);
             let energy = Gaussians::symmetric(3, &symmetry);
@@ -169,8 +169,8 @@ fn symmetric_tables_agree_with_the_closed_form_everywhere_and_stay_conservative(
                         rotation_within(rng, 0.85)
                     };
                     match part {
-                        Part::Moving => q * turn(rng),
-                        Part::Fixed => turn(rng) * q,
+                        Side::Moving => q * turn(rng),
+                        Side::Fixed => turn(rng) * q,
                     }
                 };
                 // The fold moves the pivot by up to twice its distance from the axis, 0.13, and turns
@@ -211,7 +211,7 @@ fn symmetry_leaves_nodes_out() {
         (RotationDomain::ball(90.0, 6.0), vec![]),
     ] {
         let plain = nodes(domain.clone(), None);
-        for part in [Part::Moving, Part::Fixed] {
+        for part in [Side::Moving, Side::Fixed] {
             for &order in &orders {
                 let share = nodes(domain.clone(), Some(symmetry(part, order))) / plain;
                 println!("{domain:?} {part:?} C{order}: {share:.2} of {plain}");

@@ -2,7 +2,7 @@
 
 use crate::common::*;
 use crate::table::{gradient_error, is_gradient};
-use fft_correlate::{EnergyTable, Part, Pose, Response, RotationDomain, TableSpec};
+use fft_correlate::{EnergyTable, Pose, Response, RotationDomain, Side, TableSpec};
 use glam::{DQuat, DVec3};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
@@ -10,7 +10,7 @@ use rand::{Rng, SeedableRng};
 /// Half the window of all tables here, no unit.
 const HALF: f64 = 0.3;
 
-fn with_symmetry(mut spec: TableSpec, part: Part, order: u32) -> TableSpec {
+fn with_symmetry(mut spec: TableSpec, part: Side, order: u32) -> TableSpec {
     spec.symmetry = Some(symmetry(part, order));
     spec
 }
@@ -25,8 +25,8 @@ fn specs() -> Vec<TableSpec> {
     };
     vec![
         of(RotationDomain::ball(40.0, 8.0)),
-        with_symmetry(of(RotationDomain::ball(30.0, 8.0)), Part::Moving, 3),
-        with_symmetry(of(RotationDomain::ball(30.0, 8.0)), Part::Fixed, 0),
+        with_symmetry(of(RotationDomain::ball(30.0, 8.0)), Side::Moving, 3),
+        with_symmetry(of(RotationDomain::ball(30.0, 8.0)), Side::Fixed, 0),
         of(spin),
         of(RotationDomain::single(DQuat::from_rotation_y(0.3))),
     ]

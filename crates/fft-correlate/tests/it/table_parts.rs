@@ -3,8 +3,8 @@
 use crate::common::*;
 use fft_correlate::testing::bake_files;
 use fft_correlate::{
-    AxisSymmetry, EnergySource, EnergyTable, Part, PartialTable, Pose, Response, RotationDomain,
-    Share, StoreError, TableFiles, TableSpec, TableStore,
+    AxisSymmetry, EnergySource, EnergyTable, PartialTable, Pose, Response, RotationDomain, Share,
+    Side, StoreError, TableFiles, TableSpec, TableStore,
 };
 use glam::{DQuat, DVec3};
 use rand::rngs::SmallRng;
@@ -39,7 +39,7 @@ fn keep_near(parts: &mut PartialTable, rotation: DQuat, reach: f32) -> Vec<f32> 
     distances
 }
 
-fn symmetry(part: Part, order: u32) -> AxisSymmetry {
+fn symmetry(part: Side, order: u32) -> AxisSymmetry {
     AxisSymmetry {
         part,
         axis: [0.2, -0.4, 1.0],
@@ -68,7 +68,7 @@ fn specs() -> Vec<TableSpec> {
     ]
     .map(|domain| spec(window, domain))
     .into();
-    for symmetric in [symmetry(Part::Moving, 3), symmetry(Part::Fixed, 0)] {
+    for symmetric in [symmetry(Side::Moving, 3), symmetry(Side::Fixed, 0)] {
         let mut spec = spec(window, RotationDomain::full(15.0));
         spec.symmetry = Some(symmetric);
         specs.push(spec);

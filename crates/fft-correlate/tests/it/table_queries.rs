@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use crate::common::*;
-use fft_correlate::{EnergyTable, Part, Pose, RotationDomain, RotationError, TableError};
+use fft_correlate::{EnergyTable, Pose, RotationDomain, RotationError, Side, TableError};
 use glam::{DQuat, DVec3};
 use rand::SeedableRng;
 use rand::rngs::SmallRng;
@@ -13,7 +13,7 @@ use sdf_grid::Silent;
 fn opposite_quaternions_are_one_pose() {
     let energy = Gaussians::random(10);
     let mut symmetric = spec(window(0.3, 0.15), RotationDomain::full(30.0));
-    symmetric.symmetry = Some(symmetry(Part::Moving, 3));
+    symmetric.symmetry = Some(symmetry(Side::Moving, 3));
     let specs = [
         spec(window(0.3, 0.15), RotationDomain::ball(60.0, 15.0)),
         spec(window(0.3, 0.15), RotationDomain::full(30.0)),
@@ -38,7 +38,7 @@ fn every_query_is_finite_and_far_ones_are_uncovered() {
     let energy = Gaussians::random(12);
     let thin = sdf_grid::Lattice::new(DVec3::new(-0.1, 0.0, 0.2), 0.1, [2, 1, 3]).unwrap();
     let mut with_symmetry = spec(window(0.3, 0.15), RotationDomain::full(30.0));
-    with_symmetry.symmetry = Some(symmetry(Part::Fixed, 0));
+    with_symmetry.symmetry = Some(symmetry(Side::Fixed, 0));
     let specs = [
         spec(thin, RotationDomain::ball(30.0, 10.0)),
         spec(window(0.3, 0.15), RotationDomain::ball(120.0, 25.0)),
@@ -106,7 +106,7 @@ fn bad_specifications_are_refused() {
         &|s| s.rotations = RotationDomain::ball(200.0, 5.0)
     )));
     assert!(range(try_spec(&|s| {
-        s.symmetry = Some(symmetry(Part::Moving, 65));
+        s.symmetry = Some(symmetry(Side::Moving, 65));
     })));
     assert!(matches!(
         try_spec(&|s| s.rotations = RotationDomain::full(1e-4)),
@@ -119,7 +119,7 @@ fn bad_specifications_are_refused() {
     assert!(matches!(
         try_spec(&|s| {
             s.rotations = RotationDomain::single(DQuat::IDENTITY);
-            s.symmetry = Some(symmetry(Part::Moving, 4));
+            s.symmetry = Some(symmetry(Side::Moving, 4));
         }),
         Err(TableError::Rotations(RotationError::Symmetry { order: 4 }))
     ));
@@ -136,7 +136,7 @@ fn ten_million_queries_are_finite() {
     let energy = Gaussians::random(18);
     let thin = sdf_grid::Lattice::new(DVec3::new(-0.1, 0.0, 0.2), 0.1, [2, 1, 3]).unwrap();
     let mut folded = spec(window(0.3, 0.1), RotationDomain::full(30.0));
-    folded.symmetry = Some(symmetry(Part::Fixed, 4));
+    folded.symmetry = Some(symmetry(Side::Fixed, 4));
     // With how many queries at least must have coverage: of all rotations a ball of 30 degrees, and
     // a step of 10 around it, holds 1.8 %, and the thin window lies to one side of most positions.
     let specs = [

@@ -22,7 +22,9 @@ pub struct Survey {
 pub struct MissingDriver {
     /// The kind.
     pub kind: DeviceKind,
-    /// What is missing, and what would help.
+    /// The driver or service that is not installed; none if something else is missing.
+    pub driver: Option<String>,
+    /// What is missing, where it was looked for, and what would help.
     pub reason: String,
 }
 
@@ -40,6 +42,10 @@ pub fn survey(kinds: &[DeviceKind], name: Option<&str>) -> Result<Survey, Device
         Err(why) => survey.missing.push(MissingDriver {
             kind,
             reason: why.to_string(),
+            driver: match why {
+                DeviceError::NotInstalled { name, .. } => Some(name),
+                _ => None,
+            },
         }),
     };
     if asked(DeviceKind::OpenHaptics) {

@@ -46,6 +46,16 @@ impl DeviceKind {
         }
     }
 
+    /// Where its maker offers the driver or service that it needs; none if the system has it.
+    pub fn driver_page(self) -> Option<&'static str> {
+        match self {
+            Self::OpenHaptics => Some("https://www.3dsystems.com/haptics"),
+            Self::ForceDimension => Some("https://www.forcedimension.com/software/sdk"),
+            Self::Haply => Some("https://develop.haply.co/"),
+            Self::ForceFeedback | Self::SpaceMouse => None,
+        }
+    }
+
     /// Who makes it, or the standard it follows.
     pub fn maker(self) -> &'static str {
         match self {

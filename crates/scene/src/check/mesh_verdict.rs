@@ -89,7 +89,7 @@ impl MeshVerdict {
             Err(error) => Self::Unusable {
                 name: name.to_owned(),
                 next: next_for(&error),
-                error: error.to_string(),
+                error: with_causes(&error),
                 usable: false,
             },
         }
@@ -156,6 +156,17 @@ impl MeshVerdict {
         }
         lines
     }
+}
+
+/// An error and what caused it, in one line.
+fn with_causes(error: &MeshError) -> String {
+    let mut text = error.to_string();
+    let mut cause = std::error::Error::source(error);
+    while let Some(error) = cause {
+        text = format!("{text}: {error}");
+        cause = error.source();
+    }
+    text
 }
 
 /// What to do about a mesh that cannot be used.

@@ -45,6 +45,19 @@ fn escaped(text: &str, stays: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(safe)
 }
 
+/// A number with so many significant digits, as short as it can be read.
+pub fn significant(value: f64, digits: usize) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return value.to_string();
+    }
+    let exponent = value.abs().log10().floor() as i32;
+    let after = digits as i32 - 1 - exponent;
+    match exponent {
+        -4..6 => format!("{value:.*}", after.max(0) as usize),
+        _ => format!("{value:.*e}", digits.saturating_sub(1)),
+    }
+}
+
 /// Whether a character does something instead of being seen: control characters of both sets, ends
 /// of lines, and marks of the direction of writing.
 ///

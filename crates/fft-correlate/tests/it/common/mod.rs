@@ -2,8 +2,8 @@
 #![allow(missing_docs, unreachable_pub)]
 
 use fft_correlate::{
-    AxisSymmetry, EnergySource, EnergyTable, NodeEnergies, PairRecipe, Part, Placement, Pose,
-    Response, RotationDomain, ScoreModel, Scratch, Storage, TableSpec, Wrench,
+    AxisSymmetry, EnergySource, EnergyTable, NodeEnergies, PairRecipe, Placement, Pose, Response,
+    RotationDomain, ScoreModel, Scratch, Side, Storage, TableSpec, Wrench,
 };
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
@@ -54,8 +54,8 @@ impl Gaussians {
                 .collect()
         };
         match symmetry.part {
-            Part::Moving => g.moving = g.moving.iter().flat_map(|&p| copies(p)).collect(),
-            Part::Fixed => {
+            Side::Moving => g.moving = g.moving.iter().flat_map(|&p| copies(p)).collect(),
+            Side::Fixed => {
                 g.fixed = g
                     .fixed
                     .iter()
@@ -178,7 +178,7 @@ pub fn rms(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// About an axis that is off the pivot.
-pub fn symmetry(part: Part, order: u32) -> AxisSymmetry {
+pub fn symmetry(part: Side, order: u32) -> AxisSymmetry {
     AxisSymmetry {
         part,
         axis: [0.3, 0.2, 0.9],

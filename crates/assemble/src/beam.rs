@@ -34,6 +34,9 @@ const ANYWHERE: usize = 2;
 /// Subassemblies of the same parts are as good that differ by less, nats.
 const TIE: f64 = 1.0;
 
+/// Assemblies of which parts that may turn are turned straight.
+const SHOWN: usize = 3;
+
 /// Assemblies that are measured as a whole.
 const FINALISTS: usize = 6;
 
@@ -63,7 +66,14 @@ impl Beam<'_> {
         let best = self.best(done, FINALISTS.max(self.width));
         let wholes = best.iter().map(|s| self.as_a_whole(s)).collect();
         let known: Vec<usize> = start.placed.iter().map(|p| p.shape).collect();
-        self.rebuilt(self.best(wholes, usize::MAX), &known, monitor)
+        let mut found = self.rebuilt(self.best(wholes, usize::MAX), &known, monitor);
+        for state in found.iter_mut().take(SHOWN) {
+            if !monitor.cancelled() {
+                let straight = state.straight(self.shapes, self.clearance, start.placed.len());
+                *state = self.as_a_whole(&straight);
+            }
+        }
+        self.best(found, usize::MAX)
     }
 
     /// Grows subassemblies until nothing can be added.

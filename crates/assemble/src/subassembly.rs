@@ -119,17 +119,10 @@ impl Subassembly {
     /// The same with what contact with all the others says of each part, whichever came first: how
     /// well it holds the part, summed.
     pub(crate) fn as_a_whole(&self, shapes: &[Shape], clearance: Option<f64>) -> Self {
-        let meshes: Vec<TriangleMesh> = (self.placed.iter())
-            .map(|p| moved(&shapes[p.shape].mesh, &p.pose))
-            .collect();
+        let meshes = self.meshes(shapes);
         let held = |i: usize| {
-            let others = meshes.iter().enumerate().filter(|(j, _)| *j != i);
-            let rest = TriangleMesh::joined(others.map(|(_, mesh)| mesh));
-            let options = MatingSearchOptions {
-                clearance,
-                ..MatingSearchOptions::default()
-            };
-            let search = MatingSearch::new(&rest, &meshes[i], options);
+            let rest = all_but(&meshes, i);
+            let search = MatingSearch::new(&rest, &meshes[i], options(clearance));
             let found = search.measure(&Pose::IDENTITY);
             Held {
                 rank: found.rank,
@@ -149,6 +142,24 @@ impl Subassembly {
         whole
     }
 
+    /// The same with every part that may turn, from the `known` first ones on, turned so that planes
+    /// of it and of what is there are parallel, where it is held about as well: a leg in its thread.
+    pub(crate) fn straight(&self, shapes: &[Shape], clearance: Option<f64>, known: usize) -> Self {
+        let mut meshes = self.meshes(shapes);
+        let mut straight = self.clone();
+        for (i, placed) in straight.placed.iter_mut().enumerate().skip(known) {
+            let rest = all_but(&meshes, i);
+            let search = MatingSearch::new(&rest, &meshes[i], options(clearance));
+            let found = search.straight(&Pose::IDENTITY);
+            if found.pose != Pose::IDENTITY {
+                placed.pose = found.pose * placed.pose;
+                placed.joint = found.joint;
+                meshes[i] = moved(&shapes[placed.shape].mesh, &placed.pose);
+            }
+        }
+        straight
+    }
+
     /// The shapes that are placed, those first of which a part is held worst.
     pub(crate) fn shapes(&self) -> Vec<usize> {
         let mut shapes: Vec<usize> = self.placed.iter().map(|p| p.shape).collect();
@@ -164,11 +175,27 @@ impl Subassembly {
 
     /// All surfaces as one.
     pub(crate) fn mesh(&self, shapes: &[Shape]) -> TriangleMesh {
-        let placed: Vec<TriangleMesh> = (self.placed.iter())
-            .map(|p| moved(&shapes[p.shape].mesh, &p.pose))
-            .collect();
-        TriangleMesh::joined(&placed)
+        TriangleMesh::joined(&self.meshes(shapes))
     }
+
+    /// The surfaces, each in its place.
+    fn meshes(&self, shapes: &[Shape]) -> Vec<TriangleMesh> {
+        let mesh = |p: &Placed| moved(&shapes[p.shape].mesh, &p.pose);
+        self.placed.iter().map(mesh).collect()
+    }
+}
+
+fn options(clearance: Option<f64>) -> MatingSearchOptions {
+    MatingSearchOptions {
+        clearance,
+        ..MatingSearchOptions::default()
+    }
+}
+
+/// All surfaces but one, as one.
+fn all_but(meshes: &[TriangleMesh], one: usize) -> TriangleMesh {
+    let others = meshes.iter().enumerate().filter(|(i, _)| *i != one);
+    TriangleMesh::joined(others.map(|(_, mesh)| mesh))
 }
 
 /// A surface moved by a pose.

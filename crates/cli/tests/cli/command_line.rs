@@ -229,3 +229,31 @@ fn every_command_has_a_manual_page_and_completions() {
     }
     assert!(refuse(folder.path(), &["man", "nowhere"]).contains("an existing folder"));
 }
+
+#[test]
+fn errors_are_json_for_programs_and_colours_follow_the_option() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = ["dock", "missing.toml", "--json"];
+    let output = pegfit(folder.path(), &args);
+    assert_eq!(output.status.code(), Some(2));
+    let found: serde_json::Value = serde_json::from_str(&stderr(&output)).unwrap();
+    let error = &found["error"];
+    assert_eq!(error["exit"], 2);
+    assert!(error["help"].as_str().unwrap().contains("pegfit scene"));
+    // Wrong usage as well.
+    let output = pegfit(folder.path(), &["dock", "--json", "--nothing"]);
+    let found: serde_json::Value = serde_json::from_str(&stderr(&output)).unwrap();
+    assert!(
+        found["error"]["message"]
+            .as_str()
+            .unwrap()
+            .contains("--nothing")
+    );
+    for (choice, colours) in [("always", true), ("never", false), ("auto", false)] {
+        for wrong in [["dock", "missing.toml"], ["dock", "--nothing"]] {
+            let args = [&["--color", choice], &wrong[..]].concat();
+            let said = stderr(&pegfit(folder.path(), &args));
+            assert_eq!(said.contains('\u{1b}'), colours, "{choice}: {said:?}");
+        }
+    }
+}

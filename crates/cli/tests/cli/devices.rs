@@ -140,16 +140,23 @@ fn driver(folder: &Path, source: &str) -> std::path::PathBuf {
 #[test]
 fn what_each_maker_s_device_wants_is_said() {
     let folder = scene_folder("");
-    let output = with_drivers(folder.path(), &["devices"], &[]);
-    let said = stderr(&output);
+    let said = |args: &[&str]| stderr(&with_drivers(folder.path(), args, &[]));
+    let brief = said(&["devices"]);
     for words in [
-        "openhaptics: OpenHaptics is not installed: ",
-        "/nowhere/libHD.so",
-        "force-dimension: Force Dimension SDK is not installed: ",
-        "PEGFIT_LIBDHD",
-        "haply: Haply Inverse Service is not installed: nothing answers at 127.0.0.1:9",
+        "openhaptics: OpenHaptics is not installed; https://",
+        "force-dimension: Force Dimension SDK is not installed; https://",
+        "haply: Haply Inverse Service is not installed; https://",
     ] {
-        assert!(said.contains(words), "{said}");
+        assert!(brief.contains(words), "{brief}");
+    }
+    assert!(!brief.contains("libHD.so"), "{brief}");
+    let details = said(&["devices", "-v"]);
+    for words in [
+        "/nowhere/libHD.so",
+        "PEGFIT_LIBDHD",
+        "nothing answers at 127.0.0.1:9",
+    ] {
+        assert!(details.contains(words), "{details}");
     }
     let output = with_drivers(folder.path(), &["devices", "--json"], &[]);
     let found: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();

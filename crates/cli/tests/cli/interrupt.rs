@@ -32,7 +32,7 @@ fn an_interrupted_bake_keeps_its_rotations_and_resumes() {
     let mut child = Command::new(env!("CARGO_BIN_EXE_pegfit"))
         .current_dir(folder.path())
         .args(["bake", "scene.toml", "-o", "t.zarr", "-q"])
-        .stderr(Stdio::null())
+        .stderr(Stdio::piped())
         .spawn()
         .unwrap();
     let finished = || {
@@ -48,7 +48,15 @@ fn an_interrupted_bake_keeps_its_rotations_and_resumes() {
         std::thread::sleep(Duration::from_millis(20));
     }
     interrupt(&child);
+    let mut said = String::new();
+    std::io::Read::read_to_string(&mut child.stderr.take().unwrap(), &mut said).unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(130));
+    for words in [
+        "interrupted: the finished chunks are in t.zarr",
+        "`pegfit bake scene.toml -o t.zarr -q --resume` goes on",
+    ] {
+        assert!(said.contains(words), "{said}");
+    }
     let args = ["bake", "scene.toml", "-o", "t.zarr", "--status", "--json"];
     let status: serde_json::Value = serde_json::from_str(&succeed(folder.path(), &args)).unwrap();
     assert!(status["finished"].as_u64().unwrap() >= 18, "{status}");

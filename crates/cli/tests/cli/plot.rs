@@ -150,7 +150,7 @@ fn bad_requests_are_refused_before_anything_is_written() {
     let cases: [(&[&str], &str); 8] = [
         (
             &["box.obj"],
-            "--output, --png, --skeleton: expected a file to write",
+            "--output, --png or --skeleton: expected a file to write",
         ),
         (
             &["box.obj", "-o", "no/such/f.vti"],

@@ -520,6 +520,17 @@ impl<'a> MatingSearch<'a> {
         poses.par_iter().map(describe).collect()
     }
 
+    /// Hold, overlap and joint at a pose, or at one that differs by a free turn of the joint, is about as
+    /// good and has planes of both parts parallel.
+    pub fn straight(&self, pose: &Pose) -> HeldPose {
+        let query = InterferenceQuery::new(self.fixed, self.moving);
+        let found = HeldPose {
+            joint: self.contact.joint(pose),
+            ..self.measure_with(&query, pose)
+        };
+        self.representative(&query, &self.hypotheses(), found)
+    }
+
     /// Hold and overlap at a pose, without the joint.
     pub fn measure(&self, pose: &Pose) -> HeldPose {
         let query = InterferenceQuery::new(self.fixed, self.moving);

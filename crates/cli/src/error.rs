@@ -11,7 +11,7 @@ use pegfit_path::PathError;
 use pegfit_pictures::{PictureError, SliceTextError};
 use pegfit_play::PlayError;
 use pegfit_scene::poses::PoseError;
-use pegfit_scene::{ExportError, ImportError, LineError, SceneError};
+use pegfit_scene::{ExportError, ImportError, LineError, SceneError, shell_word};
 use sdf_grid::MeshError;
 use sdf_grid::atomic::AtomicError;
 
@@ -414,12 +414,6 @@ fn other_file(path: &Path) -> Option<String> {
              a robot"
         ),
     })
-}
-
-/// A path as a word of a command to type.
-pub(crate) fn shell_word(path: &Path) -> String {
-    let text = path.display().to_string();
-    shlex::try_quote(&text).map_or_else(|_| text.clone(), |quoted| quoted.into_owned())
 }
 
 /// How a run of `pegfit` ended, as the shell sees it.

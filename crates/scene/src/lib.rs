@@ -34,6 +34,7 @@ mod live;
 pub mod poses;
 mod scene;
 mod setup;
+mod shell;
 mod solids;
 
 pub use assembly::{Assembly, Motion, ProfilePoint};
@@ -56,6 +57,7 @@ pub use setup::parts::SceneWarning;
 pub use setup::scene_setup::PlacedParts;
 pub use setup::scene_setup::SceneSetup;
 pub use setup::tables::{TableReference, held_out_poses};
+pub use shell::shell_word;
 pub use solids::draft::SceneDraft;
 pub use solids::error::ImportError;
 pub use solids::mjcf::geom::MujocoOptions;

@@ -9,7 +9,7 @@ use fft_correlate::{Placement, Pose};
 use pegfit_assemble::{
     Assembly, AssemblyError, AssemblyRequest, AssemblyResult, AssemblySearch, LoosePart,
 };
-use pegfit_scene::{SolidSet, unique_name};
+use pegfit_scene::{SolidSet, shell_word, unique_name};
 use sdf_grid::{LengthUnit, TriangleMesh, atomic};
 
 use crate::args::AssembleArgs;
@@ -241,6 +241,6 @@ fn print(found: &AssemblyResult, names: &[String], scene: &Path) {
     say!(
         "wrote {}; `pegfit play {}` opens it",
         scene.display(),
-        scene.display()
+        shell_word(scene)
     );
 }

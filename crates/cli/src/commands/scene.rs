@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use glam::{DQuat, DVec3};
-use pegfit_scene::{FACETS, SceneDraft, SolidOptions, SolidSet, TOUCHING, ledger_lines};
+use pegfit_scene::{
+    FACETS, SceneDraft, SolidOptions, SolidSet, TOUCHING, ledger_lines, shell_word,
+};
 use rayon::prelude::*;
 use sdf_grid::text::shown;
 use sdf_grid::{InterferenceQuery, Ledger, LengthUnit};
@@ -209,13 +211,13 @@ fn say_next(summary: &Summary, file: &Path) {
             true => "-o scene.toml to write the scene",
             false => "--moving NAME -o scene.toml to make a scene",
         };
-        return say!("next: pegfit scene {} ... {wanted}", file.display());
+        return say!("next: pegfit scene {} ... {wanted}", shell_word(file));
     };
     if let Some(first) = summary.meshes.first() {
         let folder = first.parent().unwrap_or(Path::new(""));
         say!("meshes: {} in {}", summary.meshes.len(), folder.display());
     }
-    let scene = scene.display();
-    say!("scene:  {scene}");
+    say!("scene:  {}", scene.display());
+    let scene = shell_word(scene);
     say!("next:   pegfit check {scene}; pegfit plot well {scene}; pegfit play {scene}");
 }

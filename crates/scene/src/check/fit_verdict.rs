@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use crate::scene::Scene;
 use crate::setup::parts::FitSolids;
+use crate::shell::shell_word;
 
 /// Share of the smaller part's volume up to which facets, or a press fit, may be all that overlaps.
 pub const FACETS: f64 = 2e-3;
@@ -54,13 +55,14 @@ impl FitVerdict {
         let share = volume / pair.fixed.volume().min(pair.moving.volume());
         let mut next: Vec<String> = pair.scale.iter().map(|w| w.to_string()).collect();
         if share > FACETS {
+            let word = shell_word(scene.as_ref());
             next.push(format!(
                 "they overlap by more than facets do: put them where they fit (position, rotation \
-                 under [moving], or [fit]); `pegfit plot overlap {scene} -o overlap.png` shows \
+                 under [moving], or [fit]); `pegfit plot overlap {word} -o overlap.png` shows \
                  where"
             ));
             next.push(format!(
-                "if the overlap is meant: `pegfit path {scene} --allow-overlap` says how deep it is"
+                "if the overlap is meant: `pegfit path {word} --allow-overlap` says how deep it is"
             ));
         }
         if gap > 0.375 * b.diagonal() {

@@ -2,8 +2,8 @@
 //! around loops in them.
 
 use fft_correlate::{
-    AxisSymmetry, EnergyTable, ErrorReport, Pair, PairEnergies, Part, RotationDomain, ScoreModel,
-    Share, TableSpec, TableStore, TranslationWindow, Twist, bake, measure_error,
+    AxisSymmetry, EnergyTable, ErrorReport, Pair, PairEnergies, RotationDomain, ScoreModel, Share,
+    Side, TableSpec, TableStore, TranslationWindow, Twist, bake, measure_error,
 };
 use glam::{DQuat, DVec3};
 use pegfit_tests::{displacement, example, full_direct, rotation};
@@ -84,7 +84,7 @@ fn symmetry_makes_a_table_smaller_not_worse() {
     let pair = example(PegInHole::Circular, &ScoreModel::GUIDED, H);
     let source = full_direct(&pair);
     let spin = AxisSymmetry {
-        part: Part::Moving,
+        part: Side::Moving,
         axis: [0.0, 0.0, 1.0],
         point: [0.0; 3],
         order: 0,

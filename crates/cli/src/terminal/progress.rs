@@ -165,7 +165,7 @@ fn rate(per_second: f64) -> String {
 /// little is done to tell.
 fn time_left(done: f32, elapsed: Duration) -> String {
     let done = f64::from(done);
-    if done >= 1.0 || done < 0.02 || elapsed < Duration::from_secs(2) {
+    if !(0.02..1.0).contains(&done) || elapsed < Duration::from_secs(2) {
         return String::new();
     }
     let seconds = elapsed.as_secs_f64() * (1.0 - done) / done;

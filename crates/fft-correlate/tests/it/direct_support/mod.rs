@@ -136,16 +136,16 @@ pub(crate) fn random_pose(rng: &mut SmallRng, reach: f64) -> Pose {
 /// obvious reference. Which part gives the points follows [`direct::plan`].
 pub(crate) fn brute_force(pair: &Pair, pose: &Pose) -> Complex64 {
     let field = |side| match side {
-        testing::Side::Fixed => pair.fixed(),
-        testing::Side::Moving => pair.moving(),
+        fft_correlate::Side::Fixed => pair.fixed(),
+        fft_correlate::Side::Moving => pair.moving(),
     };
     let terms = testing::score_terms(pair);
     terms
         .iter()
         .map(|term| {
             let motion = match term.points {
-                testing::Side::Moving => *pose,
-                testing::Side::Fixed => pose.inverse(),
+                fft_correlate::Side::Moving => *pose,
+                fft_correlate::Side::Fixed => pose.inverse(),
             };
             let (points, looked_up) = (field(term.points), field(term.points.other()));
             let mut sum = Complex64::ZERO;

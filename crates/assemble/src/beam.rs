@@ -316,7 +316,8 @@ impl Beam<'_> {
                 if members.len() < places.len() {
                     places.truncate(1);
                 }
-                children.push(state.with(way, &members[..places.len()], &places));
+                let members = &members[..places.len()];
+                children.push(state.with(way, members, &places, self.shapes));
                 chosen.extend(places.iter().map(|p| p.0));
             }
         }

@@ -8,11 +8,17 @@ use rayon::prelude::*;
 use sdf_grid::TriangleMesh;
 
 use crate::extensions::{Extension, Known};
+use crate::families::turned;
 use crate::shape::Shape;
 
 /// What it costs that parts of one shape are held in unlike ways, for every way beyond the first,
 /// nats: equal parts have equal places.
 const UNLIKE: f64 = 6.0;
+
+/// What it costs that parts of one shape are turned differently, for every turn beyond the first, nats:
+/// of what is as good otherwise, equal parts lie parallel. And what counts as parallel, radians.
+const TURNED: f64 = 1.0;
+const PARALLEL: f64 = 0.05;
 
 /// Parts are held alike if it is to within so much, nats, and if the shares of their surfaces that mate
 /// differ by less than this factor.
@@ -88,6 +94,7 @@ impl Subassembly {
         extension: &Extension,
         members: &[usize],
         places: &[(Pose, Joint)],
+        shapes: &[Shape],
     ) -> Self {
         let (shape, held) = (extension.shape, extension.held);
         let mut grown = self.clone();
@@ -101,19 +108,27 @@ impl Subassembly {
             });
             grown.score += held.rank;
         }
-        grown.score -= UNLIKE * (grown.unlike(shape) - self.unlike(shape)) as f64;
+        grown.score -= grown.disorder(shape, shapes) - self.disorder(shape, shapes);
         grown
     }
 
-    /// Ways beyond the first in which parts of a shape are held.
-    fn unlike(&self, shape: usize) -> usize {
+    /// What it costs that parts of a shape are held, or turned, in more than one way, nats.
+    fn disorder(&self, shape: usize, shapes: &[Shape]) -> f64 {
         let mut ways: Vec<Held> = Vec::new();
+        let mut turns: Vec<(Pose, Joint)> = Vec::new();
         for placed in self.placed.iter().filter(|p| p.shape == shape) {
             if !ways.iter().any(|way| way.is_like(&placed.held)) {
                 ways.push(placed.held);
             }
+            let symmetries = &shapes[shape].symmetries;
+            let parallel =
+                |other: &(Pose, Joint)| turned(other, &placed.pose, symmetries) < PARALLEL;
+            if !turns.iter().any(parallel) {
+                turns.push((placed.pose, placed.joint.clone()));
+            }
         }
-        ways.len().saturating_sub(1)
+        let beyond = |count: usize| count.saturating_sub(1) as f64;
+        UNLIKE * beyond(ways.len()) + TURNED * beyond(turns.len())
     }
 
     /// The same with what contact with all the others says of each part, whichever came first: how
@@ -135,10 +150,10 @@ impl Subassembly {
         for (placed, held) in whole.placed.iter_mut().zip(&held) {
             placed.held = *held;
         }
-        let unlike: usize = (0..shapes.len()).map(|s| whole.unlike(s)).sum();
+        let disorder: f64 = (0..shapes.len()).map(|s| whole.disorder(s, shapes)).sum();
         // Every contact holds two parts.
         let ranks = held.iter().map(|h| h.rank);
-        whole.score = 0.5 * ranks.sum::<f64>() - UNLIKE * unlike as f64;
+        whole.score = 0.5 * ranks.sum::<f64>() - disorder;
         whole
     }
 

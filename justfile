@@ -64,6 +64,14 @@ release *ARGS:
 wheels *ARGS:
     PEGFIT_DIST=out/dist tests/release/wheels {{ARGS}}
 
+# Whether all that is installed compiles for Windows and macOS: types only, nothing is linked or run.
+cross:
+    tests/release/cross
+
+# The container of the command, built and run; says what is missing where it cannot.
+container:
+    tests/release/container
+
 # The public documentation, warnings denied.
 doc:
     RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps

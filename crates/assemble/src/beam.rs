@@ -7,12 +7,12 @@ use fft_correlate::mating::Joint;
 use rayon::prelude::*;
 use sdf_grid::{InterferenceQuery, Monitor};
 
-use crate::extensions::{Extension, HELD, Known};
 use crate::families::turned;
 use crate::pairs::{PairPlaces, Quiet};
+use crate::places::{Extension, HELD, Held, Known};
 use crate::same::are_same;
 use crate::shape::Shape;
-use crate::subassembly::{Held, Placed, Subassembly};
+use crate::subassembly::{Placed, Subassembly};
 
 /// Kinds of places of one shape beside one subassembly that are followed.
 const WAYS: usize = 4;

@@ -9,10 +9,8 @@ use sdf_grid::{Aabb, Monitor};
 use crate::beam::Beam;
 use crate::families::{carries, distinct, moved_joint};
 use crate::pairs::Quiet;
-use crate::subassembly::{Held, Placed, Subassembly};
-
-/// A part is held that is held so well, nats.
-pub(crate) const HELD: f64 = 8.0;
+use crate::places::{Extension, HELD, Held};
+use crate::subassembly::{Placed, Subassembly};
 
 /// Kinds of places of one shape that are found beside one subassembly.
 const FOUND: usize = 10;
@@ -30,24 +28,6 @@ const NEAR: f64 = 0.1;
 /// Places of one shape are alike that are held alike to within so much, nats and share of the surface.
 const ALIKE: f64 = 0.5;
 const ALIKE_SHARE: f64 = 0.05;
-
-/// Where parts of one shape can be added, alike.
-#[derive(Debug, Clone)]
-pub(crate) struct Extension {
-    pub(crate) shape: usize,
-    /// Poses and joints, assembly frame.
-    pub(crate) places: Vec<(Pose, Joint)>,
-    pub(crate) held: Held,
-}
-
-/// What could be added to a subassembly when it had fewer parts.
-#[derive(Debug)]
-pub(crate) struct Known {
-    /// The parts it had.
-    pub(crate) placed: usize,
-    /// What could be added of every shape, the best first; none of those that were not asked for.
-    pub(crate) extensions: Vec<Option<Vec<Extension>>>,
-}
 
 /// A pose to begin at, and how well one other part holds it there, nats.
 type Start = (Pose, f64);

@@ -31,6 +31,7 @@ mod explode;
 mod extensions;
 mod families;
 mod pairs;
+mod places;
 mod report;
 mod request;
 mod result;

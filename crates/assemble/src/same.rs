@@ -79,8 +79,8 @@ mod tests {
     use sdf_grid::shapes;
 
     use super::*;
+    use crate::places::Held;
     use crate::request::LoosePart;
-    use crate::subassembly::Held;
 
     /// Rings on an axis are the same wherever they slide, but one ring does not stand for two.
     #[test]

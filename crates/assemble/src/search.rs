@@ -8,11 +8,12 @@ use sdf_grid::Monitor;
 use crate::beam::Beam;
 use crate::error::AssemblyError;
 use crate::pairs::PairPlaces;
+use crate::places::Held;
 use crate::report::Reporter;
 use crate::request::{AssemblyRequest, LoosePart};
 use crate::result::{AssemblyResult, PairSummary};
 use crate::shape::Shape;
-use crate::subassembly::{Held, Placed, Subassembly};
+use crate::subassembly::{Placed, Subassembly};
 
 /// A search for the assemblies of some parts.
 #[derive(Debug)]

@@ -7,8 +7,8 @@ use fft_correlate::mating::{Joint, MatingSearch, MatingSearchOptions};
 use rayon::prelude::*;
 use sdf_grid::TriangleMesh;
 
-use crate::extensions::{Extension, Known};
 use crate::families::turned;
+use crate::places::{Extension, Held, Known};
 use crate::shape::Shape;
 
 /// What it costs that parts of one shape are held in unlike ways, for every way beyond the first,
@@ -19,30 +19,6 @@ const UNLIKE: f64 = 6.0;
 /// of what is as good otherwise, equal parts lie parallel. And what counts as parallel, radians.
 const TURNED: f64 = 1.0;
 const PARALLEL: f64 = 0.05;
-
-/// Parts are held alike if it is to within so much, nats, and if the shares of their surfaces that mate
-/// differ by less than this factor.
-const ALIKE: f64 = 1.5;
-const ALIKE_SHARE: f64 = 1.15;
-
-/// How contact holds a part.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Held {
-    /// How well, nats.
-    pub(crate) rank: f64,
-    /// Share of its surface that mates.
-    pub(crate) share: f64,
-}
-
-impl Held {
-    fn is_like(&self, other: &Self) -> bool {
-        let [small, large] = match self.share < other.share {
-            true => [self.share, other.share],
-            false => [other.share, self.share],
-        };
-        (self.rank - other.rank).abs() <= ALIKE && large <= ALIKE_SHARE * small
-    }
-}
 
 /// A shape in its place.
 #[derive(Debug, Clone)]

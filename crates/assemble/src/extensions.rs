@@ -224,3 +224,72 @@ impl Beam<'_> {
 fn moved_box(bounds: &Aabb, pose: &Pose) -> Aabb {
     Aabb::around(bounds.corners().map(|c| pose.apply(c)))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use sdf_grid::{Silent, TriangleMesh};
+
+    use super::*;
+    use crate::pairs::PairPlaces;
+    use crate::places::Known;
+    use crate::request::LoosePart;
+    use crate::shape::Shape;
+
+    /// A plate with a square hole and a round one far from it, and their pegs.
+    fn parts() -> Vec<LoosePart> {
+        let known = pegfit_fixtures::known_assembly(1, "two-pegs-either-way").unwrap();
+        let part = |p: &pegfit_fixtures::KnownPart| LoosePart {
+            name: p.name.clone(),
+            mesh: Arc::new(TriangleMesh::clone(&p.mesh)),
+        };
+        known.unwrap().parts.iter().map(part).collect()
+    }
+
+    /// What was known before a part came gives what a search from nothing gives.
+    #[test]
+    fn what_is_known_saves_work_and_changes_nothing() {
+        let shapes = Shape::of(&parts());
+        let dock = |pair| PairPlaces::find(&shapes, pair, None, &Silent);
+        let pairs = [dock([0, 1]), dock([0, 2])];
+        let beam = Beam {
+            shapes: &shapes,
+            pairs: &pairs,
+            width: 4,
+            clearance: None,
+        };
+        let placed = |shape: usize| Placed {
+            shape,
+            member: 0,
+            pose: shapes[shape].parts[0].motion,
+            joint: Joint::default(),
+            held: Held::default(),
+        };
+        let state = |shapes: &[usize]| Subassembly {
+            placed: shapes.iter().map(|s| placed(*s)).collect(),
+            ..Subassembly::default()
+        };
+        let before = beam.extensions(&state(&[0]), 2, &Silent);
+        assert!(!before.is_empty());
+        let with_known = Subassembly {
+            known: Some(Arc::new(Known {
+                placed: 1,
+                extensions: vec![None, None, Some(before)],
+            })),
+            ..state(&[0, 1])
+        };
+        let ranks = |state: &Subassembly| -> Vec<(f64, usize)> {
+            let found = beam.extensions(state, 2, &Silent);
+            found
+                .iter()
+                .map(|e| (e.held.rank, e.places.len()))
+                .collect()
+        };
+        let (fast, slow) = (ranks(&with_known), ranks(&state(&[0, 1])));
+        assert_eq!(fast.len(), slow.len(), "{fast:?} {slow:?}");
+        for (a, b) in fast.iter().zip(&slow) {
+            assert!((a.0 - b.0).abs() < 0.5 && a.1 == b.1, "{fast:?} {slow:?}");
+        }
+    }
+}

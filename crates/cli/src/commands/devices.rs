@@ -48,7 +48,7 @@ fn kinds(name: Option<&str>) -> Vec<DeviceKind> {
     named.map_or_else(|| DeviceKind::ALL.to_vec(), |kind| vec![kind])
 }
 
-/// Says what a kind of device wants before there can be one; `-v` says where it was looked for.
+/// Says what a kind of device wants before there can be one; `-v` lists what was tried.
 fn print_missing(missing: &MissingDriver) {
     let word = missing.kind.word();
     match (&missing.driver, missing.kind.driver_page()) {

@@ -23,13 +23,13 @@ pub(crate) fn interrupted(command: &Command, words: &[OsString]) -> CommandError
     };
     let file = |path: &Path| path.display().to_string();
     let (kept, next) = match command {
-        Command::Bake(args) => (
+        Command::Bake(args) if is_there(&args.output) => (
             format!("the finished chunks are in {}", file(&args.output)),
             again(Some("--resume")),
         ),
         Command::Screen(args) => (
             format!(
-                "the rows of finished parts are kept beside {}",
+                "the rows of finished parts, if any, are kept beside {}",
                 file(&args.output)
             ),
             again(Some("--resume")),
@@ -44,6 +44,9 @@ pub(crate) fn interrupted(command: &Command, words: &[OsString]) -> CommandError
             "nothing is kept; with --resume FILE it would be".to_owned(),
             None,
         ),
+        Command::Score(args) if args.output == Path::new("-") => {
+            ("the rows that were printed are right".to_owned(), None)
+        }
         Command::Feel(_) => ("its log and picture are whole".to_owned(), None),
         Command::Demo(args) => (
             format!("finished pictures are in {}", file(&args.out)),
@@ -52,6 +55,11 @@ pub(crate) fn interrupted(command: &Command, words: &[OsString]) -> CommandError
         _ => ("nothing is kept".to_owned(), None),
     };
     CommandError::Stopped { kept, next }
+}
+
+/// Whether a table has been begun, or may have been: a store at a URL is not asked.
+fn is_there(table: &Path) -> bool {
+    table.exists() || table.to_string_lossy().contains("://")
 }
 
 /// What a search leaves that can go on.

@@ -24,7 +24,7 @@ pub struct MissingDriver {
     pub kind: DeviceKind,
     /// The driver or service that is not installed; none if something else is missing.
     pub driver: Option<String>,
-    /// What is missing, where it was looked for, and what would help.
+    /// What is missing, what was tried, and what would help.
     pub reason: String,
 }
 

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use fft_correlate::{NodeEnergies, PairRecipe, RotationDomain, ScoreModel, Share, TableSpec, TableStore, bake};
+use fft_correlate::{NodeEnergies, PairProvenance, RotationDomain, ScoreModel, Share, TableSpec, TableStore, bake};
 use glam::{DQuat, DVec3};
 use haptic::device::hid::report::Layouts;
 use haptic::device::hid::pid::PidLayout;
@@ -28,7 +28,7 @@ impl NodeEnergies for Constant {
 static TABLE: LazyLock<(TempDir, Vec<String>)> = LazyLock::new(|| {
     let folder = tempfile::tempdir().expect("a folder");
     let spec = TableSpec {
-        recipe: PairRecipe::without_fields(ScoreModel::GUIDED, DVec3::ZERO),
+        provenance: PairProvenance::without_fields(ScoreModel::GUIDED, DVec3::ZERO),
         window: Lattice::new(DVec3::splat(-1.0), 1.0, [3; 3]).expect("a lattice"),
         rotations: RotationDomain::ball(10.0, 10.0),
         symmetry: None,

@@ -42,7 +42,7 @@ def to_scene(placement, position, rotation):
 def poses(table, pegfit, nodes):
     """Poses of (rotation, x, y, z) nodes as the rows that `pegfit score` reads."""
     placement = pegfit["table"]["placement"]
-    pivot = np.array(pegfit["table"]["recipe"]["pivot"])
+    pivot = np.array(pegfit["table"]["provenance"]["pivot"])
     for r, i, j, k in nodes:
         q = table.quaternion.values[r]
         d = np.array([table.x.values[i], table.y.values[j], table.z.values[k]])
@@ -55,13 +55,13 @@ REACH = 3.75
 
 def smoothing(pegfit):
     """Width with which both densities together are smoothed, metres."""
-    return pegfit["table"]["recipe"]["fixed"]["sampling"]["smoothed"]["sharpening"] ** 0.5
+    return pegfit["table"]["provenance"]["fixed"]["sampling"]["smoothed"]["sharpening"] ** 0.5
 
 
 def gap(table, pegfit, node):
     """Height of the moving part above the fixed one at a node, at most their distance, metres."""
     r, i, j, k = node
-    pivot = np.array(pegfit["table"]["recipe"]["pivot"])
+    pivot = np.array(pegfit["table"]["provenance"]["pivot"])
     displacement = np.array([table.x.values[i], table.y.values[j], table.z.values[k]])
     turned = rotate(table.quaternion.values[r], table.moving_vertices.values - pivot)
     return (turned + pivot + displacement)[:, 2].min() - table.fixed_vertices.values[:, 2].max()
@@ -112,7 +112,7 @@ def main(program, path):
         ).stdout
     )
     assert pegfit["format"] == 6, pegfit["format"]
-    assert pegfit["table"]["recipe"] == described["spec"]["recipe"]
+    assert pegfit["table"]["provenance"] == described["spec"]["provenance"]
     assert pegfit["error"]["force"]["rms"] == described["error"]["force"]["rms"]
     shape = (described["rotations"], *described["displacements"])
     assert table.coefficients.dims == ("rotation", "x", "y", "z"), table.coefficients.dims

@@ -26,7 +26,7 @@ use pegfit_benches::{Arguments, Outcome, plain, rms};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 use sdf_grid::shapes::PegInHole;
-use sdf_grid::{DensityField, FIELD_VERSION, FieldRecipe, Lattice, Sampling, Silent};
+use sdf_grid::{DensityField, FIELD_VERSION, FieldProvenance, Lattice, Sampling, Silent};
 
 const SIZES: [usize; 6] = [64, 96, 128, 160, 192, 256];
 
@@ -372,7 +372,7 @@ fn noise(radius: f64, ball: bool, rng: &mut SmallRng) -> Outcome<DensityField> {
         interior: Array3::zeros([nodes; 3]),
         signed_distance: Array3::zeros([nodes; 3]),
         exterior,
-        recipe: FieldRecipe {
+        provenance: FieldProvenance {
             version: FIELD_VERSION,
             mesh: String::new(),
             sigma: ScoreModel::PAPER.sigma,

@@ -64,7 +64,7 @@ pub use geometry::side::Side;
 pub use geometry::translation::TranslationWindow;
 pub use pair::builder::{PairBuildError, PairBuilder};
 pub use pair::fields::{FieldNodes, Pair, PairError};
-pub use pair::model::{ModelError, PairRecipe, ScoreModel};
+pub use pair::model::{ModelError, PairProvenance, ScoreModel};
 pub use pair::setup::{EnergyScale, EnergyScaleError, LatticeStep, PairSetup, PairSetupError};
 pub use rotations::domain::{AxisSymmetry, RotationDomain, RotationError};
 pub use rotations::grid::RotationGrid;

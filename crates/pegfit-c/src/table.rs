@@ -132,7 +132,7 @@ pub unsafe extern "C" fn pegfit_table_info(
         let rotations = table.grid().nodes().len();
         let window = spec.window.node_bounds();
         let found = PegfitTableInfo {
-            pivot: spec.recipe.pivot,
+            pivot: spec.provenance.pivot,
             window_min: window.min.to_array(),
             window_max: window.max.to_array(),
             rotations: rotations as u64,

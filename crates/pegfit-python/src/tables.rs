@@ -196,7 +196,7 @@ pub(super) fn described(store: &TableStore, table: EnergyTable) -> (AnySource, S
         "spacing": window.spacing(),
         "window_min": bounds.min,
         "window_max": bounds.max,
-        "pivot": spec.recipe.pivot,
+        "pivot": spec.provenance.pivot,
         "model": spec.model(),
         "placement": spec.placement,
         "memory": table.memory(),

@@ -91,7 +91,7 @@ fn components(values: &Array3<Complex32>) -> impl Iterator<Item = f32> {
 mod tests {
     use super::*;
     use glam::DVec3;
-    use sdf_grid::{FIELD_VERSION, FieldRecipe, Lattice, Sampling};
+    use sdf_grid::{FIELD_VERSION, FieldProvenance, Lattice, Sampling};
 
     fn field() -> DensityField {
         let place = |(i, j, k): (usize, usize, usize)| (100 * i + 10 * j + k) as f32;
@@ -99,7 +99,7 @@ mod tests {
             exterior: Array3::from_shape_fn([2, 3, 4], |p| Complex32::new(place(p), 1.0)),
             interior: Array3::zeros([2, 3, 4]),
             signed_distance: Array3::from_shape_fn([2, 3, 4], place),
-            recipe: FieldRecipe {
+            provenance: FieldProvenance {
                 version: FIELD_VERSION,
                 mesh: String::new(),
                 sigma: 0.1,

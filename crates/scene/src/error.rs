@@ -9,7 +9,7 @@ use fft_correlate::{
     StoreError, TableError, TileError, WellError,
 };
 use haptic::scene::LiveSceneError;
-use sdf_grid::recipe::Difference;
+use sdf_grid::provenance::Difference;
 use sdf_grid::{LatticeError, LengthUnit, MeshError};
 
 /// Why a scene cannot be used.

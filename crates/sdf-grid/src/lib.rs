@@ -29,7 +29,7 @@ pub use field::options::{DensityOptions, Sampling};
 pub use field::point::density::DensityProbe;
 pub use field::point::density::UnitDensity;
 pub use field::point::reference::ReferenceDensity;
-pub use field::recipe::{FIELD_VERSION, FieldRecipe};
+pub use field::provenance::{FIELD_VERSION, FieldProvenance};
 pub use field::sampling::signed_distance::signed_distances;
 pub use frame::congruence::congruence;
 pub use frame::minimum_box::minimum_box_rotation;
@@ -49,7 +49,7 @@ pub use mesh_io::ledger::{Ledger, LedgerEntry, LedgerKind};
 pub use mesh_io::unit::LengthUnit;
 pub use support::monitor::{Monitor, Silent};
 pub use support::place::require_unplanted;
-pub use support::{atomic, growing, recipe, regular, text};
+pub use support::{atomic, growing, provenance, regular, text};
 #[doc(hidden)]
 pub use support::{large, level, prefetch};
 pub use surface::bvh::tree::{Bvh, Nearest};

@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use super::docked_pose::DockedPose;
 use super::part_files::{mesh_files, read_file};
-use super::screen_rows::{ScreenRecipe, ScreenRow, ScreenRows};
+use super::screen_rows::{ScreenProvenance, ScreenRow, ScreenRows};
 use super::worker_share::{Batch, WorkerShare};
 use crate::args::ScreenArgs;
 use crate::context::Context;
@@ -58,7 +58,7 @@ pub(super) fn run(args: &ScreenArgs, context: &Context) -> Result<(), CommandErr
     require_folder(&args.output)?;
     let files = mesh_files(&args.library, true)?;
     let screen = Screen::new(args, context)?;
-    let rows = ScreenRows::beside(&args.output, &args.library, screen.recipe(args));
+    let rows = ScreenRows::beside(&args.output, &args.library, screen.provenance(args));
     let mut screened = 0;
     if !args.status {
         share.note(context);
@@ -133,10 +133,10 @@ impl<'a> Screen<'a> {
     }
 
     /// All that rows depend on but the library's files.
-    fn recipe(&self, args: &ScreenArgs) -> ScreenRecipe {
+    fn provenance(&self, args: &ScreenArgs) -> ScreenProvenance {
         let hash = |mesh: &Arc<TriangleMesh>| blake3::Hash::from(mesh.hash()).to_hex().to_string();
         let reading = &args.choice.reading;
-        ScreenRecipe {
+        ScreenProvenance {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             fixed: [&self.fixed]
                 .into_iter()

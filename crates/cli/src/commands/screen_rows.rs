@@ -29,7 +29,7 @@ pub(super) struct ScreenRow {
 
 /// All that the rows of a file depend on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(super) struct ScreenRecipe {
+pub(super) struct ScreenProvenance {
     /// The version of pegfit.
     pub(super) version: String,
     /// Hash of the fixed part's mesh, and of those that are kept apart, hexadecimal.
@@ -46,7 +46,7 @@ pub(super) struct ScreenRecipe {
 /// What lies in a file of rows.
 #[derive(Serialize, Deserialize)]
 struct Kept {
-    recipe: ScreenRecipe,
+    provenance: ScreenProvenance,
     /// Below the library's folder.
     file: String,
     /// Of the part's file, hexadecimal; none if it cannot be read.
@@ -59,16 +59,16 @@ struct Kept {
 pub(super) struct ScreenRows {
     folder: PathBuf,
     library: PathBuf,
-    recipe: ScreenRecipe,
+    provenance: ScreenProvenance,
 }
 
 impl ScreenRows {
     /// The rows beside a table.
-    pub(super) fn beside(table: &Path, library: &Path, recipe: ScreenRecipe) -> Self {
+    pub(super) fn beside(table: &Path, library: &Path, provenance: ScreenProvenance) -> Self {
         Self {
             folder: table.with_added_extension("rows"),
             library: library.to_owned(),
-            recipe,
+            provenance,
         }
     }
 
@@ -97,12 +97,12 @@ impl ScreenRows {
         self.folder.join(format!("{}.json", &hash[..32]))
     }
 
-    /// Whether there are rows of a file, of whatever recipe.
+    /// Whether there are rows of a file, of whatever provenance.
     pub(super) fn exist(&self, file: &Path) -> bool {
         self.place(file).exists()
     }
 
-    /// The rows of a file, if they are there, whole, and of this recipe and the file as it is now.
+    /// The rows of a file, if they are there, whole, and of this provenance and the file as it is now.
     ///
     /// # Errors
     /// If rows are there and the system refuses to read them.
@@ -112,7 +112,7 @@ impl ScreenRows {
             regular::read(&place, LONGEST).map_err(|e| CommandError::read(&place, e.into()))?;
         // Half a file, or one of another version, is none.
         let kept = text.and_then(|text| serde_json::from_slice::<Kept>(&text).ok());
-        let same = |k: &Kept| k.recipe == self.recipe && k.file == self.name(file);
+        let same = |k: &Kept| k.provenance == self.provenance && k.file == self.name(file);
         let kept = kept.filter(same).filter(|k| k.hash == hash_of(file));
         Ok(kept.map(|k| k.rows))
     }
@@ -124,7 +124,7 @@ impl ScreenRows {
     pub(super) fn write(&self, file: &Path, rows: Vec<ScreenRow>) -> Result<(), CommandError> {
         let place = self.place(file);
         let kept = Kept {
-            recipe: self.recipe.clone(),
+            provenance: self.provenance.clone(),
             file: self.name(file),
             hash: hash_of(file),
             rows,
@@ -147,8 +147,8 @@ fn hash_of(file: &Path) -> Option<String> {
 mod tests {
     use super::*;
 
-    fn recipe() -> ScreenRecipe {
-        ScreenRecipe {
+    fn provenance() -> ScreenProvenance {
+        ScreenProvenance {
             version: "1".into(),
             fixed: vec!["f".into()],
             mating_clearance: None,
@@ -170,15 +170,15 @@ mod tests {
     }
 
     #[test]
-    fn rows_count_only_for_the_same_recipe_and_the_same_file() {
+    fn rows_count_only_for_the_same_provenance_and_the_same_file() {
         let folder = tempfile::tempdir().unwrap();
         let library = folder.path().join("library/deep");
         std::fs::create_dir_all(&library).unwrap();
         let part = library.join("a.obj");
         std::fs::write(&part, "v 0 0 0").unwrap();
         let table = folder.path().join("t.csv");
-        let rows = |recipe| ScreenRows::beside(&table, library.parent().unwrap(), recipe);
-        let store = rows(recipe());
+        let rows = |provenance| ScreenRows::beside(&table, library.parent().unwrap(), provenance);
+        let store = rows(provenance());
         store.create().unwrap();
         assert!(store.read(&part).unwrap().is_none() && !store.exist(&part));
         store.write(&part, vec![row("deep/a.obj")]).unwrap();
@@ -189,7 +189,7 @@ mod tests {
         );
         assert_eq!(store.name(&part), "deep/a.obj");
 
-        let mut other = recipe();
+        let mut other = provenance();
         other.mating_clearance = Some(1e-4);
         assert!(rows(other).read(&part).unwrap().is_none());
         // A kill of a program that does not rename leaves half a file.

@@ -87,7 +87,7 @@ fn print(d: &Description, store: &TableStore) {
         place("fixed", &spec.placement.fixed);
         place("moving", &spec.placement.moving);
     }
-    print_recipe(spec);
+    print_provenance(spec);
     print_contents(d);
     match store.error_report() {
         None => {
@@ -98,7 +98,7 @@ fn print(d: &Description, store: &TableStore) {
 }
 
 /// What its numbers depend on.
-fn print_recipe(spec: &TableSpec) {
+fn print_provenance(spec: &TableSpec) {
     let m = spec.model();
     say!(
         "  model          sigma {}, lambda {} : {}, separation weight {}, gamma {:.6e} J/m^3",
@@ -109,14 +109,14 @@ fn print_recipe(spec: &TableSpec) {
         m.gamma
     );
     for (name, field) in [
-        ("fixed", &spec.recipe.fixed),
-        ("moving", &spec.recipe.moving),
+        ("fixed", &spec.provenance.fixed),
+        ("moving", &spec.provenance.moving),
     ] {
         if let Some(field) = field {
             say!("  {:<15}{}", format!("{name} mesh"), field.mesh);
         }
     }
-    if let Some(field) = &spec.recipe.fixed {
+    if let Some(field) = &spec.provenance.fixed {
         say!(
             "  fields         {}, halo {:.4} mm, tolerance {}, version {}",
             sampling(field.sampling),

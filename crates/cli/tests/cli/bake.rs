@@ -100,7 +100,7 @@ fn a_table_says_what_it_is_and_is_held_to_it() {
         serde_json::from_str(&succeed(root, &["table", "t", "--json"])).unwrap();
     assert_eq!(described["spec"]["storage"]["numbers"], "float16");
     assert_eq!(described["finished"], described["rotations"]);
-    let sampling = &described["spec"]["recipe"]["fixed"]["sampling"];
+    let sampling = &described["spec"]["provenance"]["fixed"]["sampling"];
     assert!(sampling["smoothed"]["deviation"].as_f64().unwrap() > 0.0);
     assert!(described["error"]["reference_spacing"].as_f64().unwrap() > 0.0);
     assert!(succeed(root, &["table", "t"]).contains("torque"));

@@ -231,7 +231,8 @@ fn quarter_turns_are_exact() {
         }
         let (old, shape) = (moving.lattice().node_bounds(), moving.lattice().shape());
         let origin = DVec3::new(-old.max.y, old.min.x, old.min.z);
-        moving.recipe.lattice = Lattice::new(origin, H, [shape[1], shape[0], shape[2]]).unwrap();
+        moving.provenance.lattice =
+            Lattice::new(origin, H, [shape[1], shape[0], shape[2]]).unwrap();
         let by_hand = Pair::new(
             Arc::new(fixed_part()),
             Arc::new(moving),
@@ -284,7 +285,8 @@ fn moving_both_parts_together_changes_nothing() {
     let pair = pair(0.3, pivot);
     let shifted = |mut field: DensityField| {
         let lattice = *field.lattice();
-        field.recipe.lattice = Lattice::new(lattice.origin() + shift, H, lattice.shape()).unwrap();
+        field.provenance.lattice =
+            Lattice::new(lattice.origin() + shift, H, lattice.shape()).unwrap();
         Arc::new(field)
     };
     let moved = Pair::new(

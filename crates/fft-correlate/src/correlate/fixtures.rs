@@ -7,7 +7,7 @@ use glam::DVec3;
 use ndarray::{Array3, Axis, s};
 use num_complex::{Complex, Complex32};
 use rustfft::FftPlanner;
-use sdf_grid::{DensityField, FIELD_VERSION, FieldRecipe, Lattice, Sampling};
+use sdf_grid::{DensityField, FIELD_VERSION, FieldProvenance, Lattice, Sampling};
 
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::fields::Pair;
@@ -36,7 +36,7 @@ pub(super) fn part(balls: &[(DVec3, f64)], min: [i64; 3], shape: [usize; 3]) -> 
             _ => Complex32::default(),
         }),
         signed_distance: Array3::from_shape_fn(shape, |(i, j, k)| at(i, j, k) as f32),
-        recipe: FieldRecipe {
+        provenance: FieldProvenance {
             version: FIELD_VERSION,
             mesh: String::new(),
             sigma: 0.2,

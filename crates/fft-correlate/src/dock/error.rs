@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use glam::{DQuat, DVec3};
-use sdf_grid::recipe::Difference;
+use sdf_grid::provenance::Difference;
 use sdf_grid::{DensityError, LatticeError};
 
 use crate::correlate::support::CorrelateError;

@@ -1,4 +1,4 @@
-//! The options, weights, domain and pairs of a search, and the recipe of all that its result depends
+//! The options, weights, domain and pairs of a search, and the provenance of all that its result depends
 //! on.
 
 use std::fmt;
@@ -13,7 +13,7 @@ use crate::geometry::se3::Pose;
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::builder::PairPlan;
 use crate::pair::fields::{Pair, PairError};
-use crate::pair::model::{PairRecipe, ScoreModel};
+use crate::pair::model::{PairProvenance, ScoreModel};
 
 /// How a search proceeds. The default suits parts of a few hundred cells' volume and more.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -156,16 +156,16 @@ impl SearchPairs<'_> {
 /// Everything that a search's result depends on, as its state file holds it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct SearchRecipe {
+pub(super) struct SearchProvenance {
     /// How the search proceeds.
     pub(super) options: SearchOptions,
     /// The pair on which rotations are chosen, if any.
     #[serde(rename = "sketch")]
-    pub(super) screening: Option<PairRecipe>,
+    pub(super) screening: Option<PairProvenance>,
     /// The pair on which they are scored, with the docking weights.
-    pub(super) coarse: PairRecipe,
+    pub(super) coarse: PairProvenance,
     /// The pair on which poses are refined and ranked, with the docking weights.
-    pub(super) fine: PairRecipe,
+    pub(super) fine: PairProvenance,
     /// Where the pivot may be: least and greatest coordinates, metres, fixed frame.
     pub(super) places: [[f64; 3]; 2],
     /// Angle between neighbouring rotations, radians.
@@ -200,7 +200,7 @@ impl RotationList {
     }
 }
 
-impl SearchRecipe {
+impl SearchProvenance {
     /// `coarse` and `fine` have the docking weights; `chosen` are the rotations to score.
     pub(super) fn new(
         domain: &SearchDomain,
@@ -215,9 +215,9 @@ impl SearchRecipe {
         };
         Self {
             options: options.clone(),
-            screening: screening.map(Pair::recipe),
-            coarse: coarse.recipe(),
-            fine: fine.recipe(),
+            screening: screening.map(Pair::provenance),
+            coarse: coarse.provenance(),
+            fine: fine.provenance(),
             places: [domain.places.min.to_array(), domain.places.max.to_array()],
             step: domain.step,
             rotations: RotationList::of(&domain.rotations),

@@ -30,7 +30,7 @@ use crate::dock::local_refinement::{
     Effort, Evaluators, FoundPose, LocalRefinement, SCORING, SearchResult, SearchStage, sort_poses,
 };
 use crate::dock::options::{
-    SearchDomain, SearchOptions, SearchPairs, SearchRecipe, with_docking_weights, with_weights,
+    SearchDomain, SearchOptions, SearchPairs, SearchProvenance, with_docking_weights, with_weights,
 };
 use crate::dock::peaks::{Candidate, Scan, sort_candidates};
 use crate::dock::state::score;
@@ -74,14 +74,14 @@ pub fn search(
         per_rotation: options.per_rotation,
         distance: 2.0 * coarse.spacing(),
     };
-    let recipe = SearchRecipe::new(
+    let provenance = SearchProvenance::new(
         domain,
         options,
         pairs.screening,
         [&coarse, &fine],
         &rotations,
     );
-    let (done, resumed) = score(&scan, &groups, state, recipe, monitor)?;
+    let (done, resumed) = score(&scan, &groups, state, provenance, monitor)?;
     stages.0.push(SearchStage {
         name: SCORING,
         items: done.scored,

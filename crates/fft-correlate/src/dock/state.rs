@@ -4,12 +4,12 @@
 use std::path::Path;
 use web_time::Instant;
 
-use sdf_grid::recipe::difference;
+use sdf_grid::provenance::difference;
 use sdf_grid::{Monitor, atomic, regular};
 use serde::{Deserialize, Serialize};
 
 use crate::dock::error::DockingError;
-use crate::dock::options::SearchRecipe;
+use crate::dock::options::SearchProvenance;
 use crate::dock::peaks::{Candidate, Scan, sort_candidates};
 use crate::geometry::half_turn::HalfTurnGroup;
 
@@ -24,7 +24,7 @@ const LONGEST: u64 = 1 << 24;
 #[serde(deny_unknown_fields)]
 pub(super) struct State {
     /// What the result depends on.
-    pub(super) recipe: SearchRecipe,
+    pub(super) provenance: SearchProvenance,
     pub(super) scored: usize,
     /// Seconds of scoring.
     pub(super) seconds: f64,
@@ -32,25 +32,25 @@ pub(super) struct State {
 }
 
 impl State {
-    pub(super) fn new(recipe: SearchRecipe) -> Self {
+    pub(super) fn new(provenance: SearchProvenance) -> Self {
         Self {
-            recipe,
+            provenance,
             scored: 0,
             seconds: 0.0,
             candidates: Vec::new(),
         }
     }
 
-    /// What `path` holds, or a new state if there is no such file. Candidates outside the recipe's
+    /// What `path` holds, or a new state if there is no such file. Candidates outside the provenance's
     /// rotations and a window of `shape` nodes are refused.
     pub(super) fn load(
         path: &Path,
-        recipe: SearchRecipe,
+        provenance: SearchProvenance,
         shape: [usize; 3],
     ) -> Result<Self, DockingError> {
         let text = match regular::read(path, LONGEST) {
             Ok(Some(text)) => text,
-            Ok(None) => return Ok(Self::new(recipe)),
+            Ok(None) => return Ok(Self::new(provenance)),
             Err(e) => return Err(io(path, e.into())),
         };
         let format = |reason: String| DockingError::StateFormat {
@@ -58,7 +58,7 @@ impl State {
             reason,
         };
         let state: Self = serde_json::from_slice(&text).map_err(|e| format(e.to_string()))?;
-        if let Some(difference) = difference(&state.recipe, &recipe) {
+        if let Some(difference) = difference(&state.provenance, &provenance) {
             return Err(DockingError::OtherState {
                 path: path.to_owned(),
                 difference,
@@ -69,7 +69,7 @@ impl State {
                 && (0..3).all(|a| c.index[a] < shape[a])
                 && c.energy.is_finite()
         };
-        if state.scored > recipe.chosen.count || !state.candidates.iter().all(inside) {
+        if state.scored > provenance.chosen.count || !state.candidates.iter().all(inside) {
             return Err(format("a number is out of range".into()));
         }
         Ok(state)
@@ -107,13 +107,13 @@ pub(super) fn score(
     scan: &Scan,
     groups: &[HalfTurnGroup],
     file: Option<&Path>,
-    recipe: SearchRecipe,
+    provenance: SearchProvenance,
     monitor: &dyn Monitor,
 ) -> Result<(State, usize), DockingError> {
-    let count = recipe.chosen.count;
+    let count = provenance.chosen.count;
     let mut state = match file {
-        Some(path) => State::load(path, recipe, scan.window.shape())?,
-        None => State::new(recipe),
+        Some(path) => State::load(path, provenance, scan.window.shape())?,
+        None => State::new(provenance),
     };
     let resumed = state.scored;
     monitor.begin("scoring rotations", (count - resumed) as u64);
@@ -143,7 +143,7 @@ mod tests {
     use super::*;
     use crate::dock::options::RotationList;
     use crate::dock::options::SearchOptions;
-    use crate::pair::model::PairRecipe;
+    use crate::pair::model::PairProvenance;
     use crate::pair::model::ScoreModel;
     use glam::DVec3;
 
@@ -156,13 +156,13 @@ mod tests {
         }
     }
 
-    fn recipe(rotations: usize, ratio: f64) -> SearchRecipe {
+    fn provenance(rotations: usize, ratio: f64) -> SearchProvenance {
         let list = |count| RotationList {
             count,
             hash: "aa".into(),
         };
-        let pair = PairRecipe::without_fields(ScoreModel::GUIDED, DVec3::ZERO);
-        SearchRecipe {
+        let pair = PairProvenance::without_fields(ScoreModel::GUIDED, DVec3::ZERO);
+        SearchProvenance {
             options: SearchOptions {
                 ratio,
                 ..SearchOptions::default()
@@ -182,7 +182,7 @@ mod tests {
     fn a_state_survives_its_file_and_others_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("state.json");
-        let load = |ratio: f64, shape| State::load(&path, recipe(5, ratio), shape);
+        let load = |ratio: f64, shape| State::load(&path, provenance(5, ratio), shape);
         let mut state = load(12.0, [4; 3]).unwrap();
         assert_eq!(state.scored, 0);
         state.add(vec![candidate(1, -1.0), candidate(0, -2.0)], 2);
@@ -201,7 +201,7 @@ mod tests {
         many.save(&path).unwrap();
         let too_many = load(12.0, [4; 3]);
         assert!(matches!(too_many, Err(DockingError::StateFormat { .. })));
-        std::fs::write(&path, "{\"recipe\":").unwrap();
+        std::fs::write(&path, "{\"provenance\":").unwrap();
         assert!(matches!(
             load(12.0, [4; 3]),
             Err(DockingError::StateFormat { .. })
@@ -211,7 +211,7 @@ mod tests {
 
     #[test]
     fn only_the_best_are_kept() {
-        let mut state = State::new(recipe(5000, 12.0));
+        let mut state = State::new(provenance(5000, 12.0));
         state.add((0..5000).map(|i| candidate(i, -(i as f64))).collect(), 5000);
         assert_eq!(state.candidates.len(), KEPT);
         assert_eq!(state.candidates[0].rotation, 4999);

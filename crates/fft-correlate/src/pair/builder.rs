@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use sdf_grid::{
     Aabb, ContactError, DensityError, DensityField, DensityKernel, DensityOptions, FieldCache,
-    FieldRecipe, KernelError, Lattice, LatticeError, Monitor, Sampling, Silent, TriangleMesh,
+    FieldProvenance, KernelError, Lattice, LatticeError, Monitor, Sampling, Silent, TriangleMesh,
     inscribed_sphere_radius,
 };
 
@@ -15,7 +15,7 @@ use crate::geometry::side::Side;
 use crate::pair::contact::{Contact, ContactParts, Smoothing, jump};
 use crate::pair::fields::{Pair, PairError};
 use crate::pair::interpolation::Interpolation;
-use crate::pair::model::{PairRecipe, ScoreModel};
+use crate::pair::model::{PairProvenance, ScoreModel};
 use crate::pair::region::ContactRegion;
 
 /// Lattice nodes of both parts together that [`default_spacing`] does not exceed.
@@ -368,11 +368,12 @@ impl PairPlan {
         }
     }
 
-    /// The recipe of the pair that these meshes would make; nothing is computed.
-    pub fn recipe(&self, fixed: &TriangleMesh, moving: &TriangleMesh) -> PairRecipe {
-        let field = |mesh, lattice, options| FieldRecipe::new(mesh, &self.kernel, lattice, options);
+    /// The provenance of the pair that these meshes would make; nothing is computed.
+    pub fn provenance(&self, fixed: &TriangleMesh, moving: &TriangleMesh) -> PairProvenance {
+        let field =
+            |mesh, lattice, options| FieldProvenance::new(mesh, &self.kernel, lattice, options);
         let of_moving = self.density_of_moving();
-        PairRecipe {
+        PairProvenance {
             model: self.model,
             fixed: Some(field(fixed, &self.fixed_lattice, &self.density)),
             moving: Some(field(moving, &self.moving_lattice, &of_moving)),
@@ -476,11 +477,11 @@ pub(crate) fn coarser_pair(
     contact: &Contact,
     factor: f64,
 ) -> Result<Pair, PairBuildError> {
-    let recipe = &pair.fixed().recipe;
+    let provenance = &pair.fixed().provenance;
     let builder = PairBuilder {
         spacing: Some(factor * pair.spacing()),
-        halo: Some(recipe.halo),
-        tolerance: recipe.tolerance,
+        halo: Some(provenance.halo),
+        tolerance: provenance.tolerance,
         smoothing: Some(contact.smoothing().in_spacings()),
         ..PairBuilder::default()
     };

@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use sdf_grid::{
-    ContactError, ContactSum, ContactSurfaces, DensityKernel, FieldRecipe, KernelError, Sampling,
-    TriangleMesh,
+    ContactError, ContactSum, ContactSurfaces, DensityKernel, FieldProvenance, KernelError,
+    Sampling, TriangleMesh,
 };
 
 use crate::geometry::se3::Pose;
 use crate::geometry::side::Side;
-use crate::pair::model::{PairRecipe, ScoreModel};
+use crate::pair::model::{PairProvenance, ScoreModel};
 use crate::pair::region::ContactRegion;
 
 /// Variance, in squared spacings, that reading a lattice by quadratic B-splines adds.
@@ -29,10 +29,10 @@ pub(crate) struct Smoothing {
 }
 
 impl Smoothing {
-    /// What recipes of both densities say, if they are smoothed.
-    pub(crate) fn of_recipe(recipe: &PairRecipe) -> Option<Self> {
-        match recipe.fixed.as_ref()? {
-            FieldRecipe {
+    /// What provenances of both densities say, if they are smoothed.
+    pub(crate) fn of_provenance(provenance: &PairProvenance) -> Option<Self> {
+        match provenance.fixed.as_ref()? {
+            FieldProvenance {
                 sampling: Sampling::Smoothed { deviation, .. },
                 lattice,
                 ..

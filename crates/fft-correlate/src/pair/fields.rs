@@ -13,7 +13,7 @@ use crate::geometry::side::Side;
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::contact::{Contact, jump};
 use crate::pair::interpolation::Interpolation;
-use crate::pair::model::{ModelError, PairRecipe, ScoreModel};
+use crate::pair::model::{ModelError, PairProvenance, ScoreModel};
 
 /// The fixed and the moving part's densities, the model, and the moving part's pivot.
 ///
@@ -108,7 +108,7 @@ impl Pair {
         model: ScoreModel,
         pivot: DVec3,
     ) -> Result<Self, PairError> {
-        let samplings = [fixed.recipe.sampling, moving.recipe.sampling];
+        let samplings = [fixed.provenance.sampling, moving.provenance.sampling];
         if samplings[0] != samplings[1] || matches!(samplings[0], Sampling::Smoothed { .. }) {
             return Err(PairError::Sampling { found: samplings });
         }
@@ -140,8 +140,8 @@ impl Pair {
             fixed.lattice().spacing(),
             moving.lattice().spacing(),
         )?;
-        same("sigma", model.sigma, fixed.recipe.sigma)?;
-        same("sigma", model.sigma, moving.recipe.sigma)?;
+        same("sigma", model.sigma, fixed.provenance.sigma)?;
+        same("sigma", model.sigma, moving.provenance.sigma)?;
         if !pivot.is_finite() {
             return Err(PairError::Pivot { found: pivot });
         }
@@ -236,18 +236,18 @@ impl Pair {
     }
 
     /// Everything that the energies depend on: not which part of a lattice is there.
-    pub fn recipe(&self) -> PairRecipe {
-        let recipe = |side: Side| {
-            let mut recipe = self.part(side).recipe.clone();
+    pub fn provenance(&self) -> PairProvenance {
+        let provenance = |side: Side| {
+            let mut provenance = self.part(side).provenance.clone();
             if let Some(partial) = self.partial.filter(|partial| partial.side == side) {
-                recipe.lattice = partial.whole;
+                provenance.lattice = partial.whole;
             }
-            Some(recipe)
+            Some(provenance)
         };
-        PairRecipe {
+        PairProvenance {
             model: self.model,
-            fixed: recipe(Side::Fixed),
-            moving: recipe(Side::Moving),
+            fixed: provenance(Side::Fixed),
+            moving: provenance(Side::Moving),
             pivot: self.pivot.to_array(),
         }
     }

@@ -1,7 +1,7 @@
-//! The parameters that turn two densities into an energy, and the recipe of all that it depends on.
+//! The parameters that turn two densities into an energy, and the provenance of all that it depends on.
 
 use glam::DVec3;
-use sdf_grid::FieldRecipe;
+use sdf_grid::FieldProvenance;
 use serde::{Deserialize, Serialize};
 
 /// Weights of the score and the scale of the energy (eq_2, eq_6 and the separation weight of
@@ -103,16 +103,16 @@ impl Default for ScoreModel {
     }
 }
 
-/// Everything that a pair's energies depend on: two pairs of one recipe have the same energies.
+/// Everything that a pair's energies depend on: two pairs of one provenance have the same energies.
 ///
-/// Tables and docking states keep it; [`sdf_grid::recipe::difference`] says in what two differ.
+/// Tables and docking states keep it; [`sdf_grid::provenance::difference`] says in what two differ.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PairRecipe {
+pub struct PairProvenance {
     /// The fixed part's density as it is multiplied; none for energies that come from no density.
-    pub fixed: Option<FieldRecipe>,
+    pub fixed: Option<FieldProvenance>,
     /// The moving part's density.
-    pub moving: Option<FieldRecipe>,
+    pub moving: Option<FieldProvenance>,
     /// The moving part's pivot, metres in its frame (see [`crate::Pair::pose`]).
     pub pivot: [f64; 3],
     /// Weights of the score and the scale of the energy; last, since a scale that follows from a
@@ -120,7 +120,7 @@ pub struct PairRecipe {
     pub model: ScoreModel,
 }
 
-impl PairRecipe {
+impl PairProvenance {
     /// Energies that come from no densities, such as a closed form.
     pub fn without_fields(model: ScoreModel, pivot: DVec3) -> Self {
         Self {

@@ -444,7 +444,7 @@ mod tests {
             let partial = setup.load_in_window(&Silent).unwrap();
             let nodes = |p: &crate::Pair| p.fixed().lattice().len() + p.moving().lattice().len();
             assert!(2 * nodes(&partial) < nodes(&whole), "{}", nodes(&partial));
-            assert_eq!(partial.recipe(), whole.recipe());
+            assert_eq!(partial.provenance(), whole.provenance());
             // In real time few points may be chosen otherwise of a part than of the whole.
             for (options, off) in [(DirectOptions::FULL, 0.0), (DirectOptions::REAL_TIME, 0.03)] {
                 let sources =

@@ -1,4 +1,4 @@
-//! The table of a pair: its nodes, its symmetry, its recipe; and whether a stored table was baked
+//! The table of a pair: its nodes, its symmetry, its provenance; and whether a stored table was baked
 //! from the same pair.
 
 use std::fmt;
@@ -163,7 +163,7 @@ impl PairSetup {
     pub fn as_baked(&self, spec: &TableSpec) -> Self {
         let mut setup = self.clone();
         setup.builder.spacing = Some(spec.window.spacing());
-        let smoothing = Smoothing::of_recipe(&spec.recipe);
+        let smoothing = Smoothing::of_provenance(&spec.provenance);
         setup.builder.smoothing = smoothing.map(|s| s.in_spacings());
         let gamma = match setup.energy {
             EnergyScale::Gamma(gamma) => gamma,
@@ -180,11 +180,11 @@ impl TableStore {
     /// the table has not chosen for itself ([`PairSetup::as_baked`]); nothing is computed.
     ///
     /// # Errors
-    /// If the setup makes no pair; else names the first key of the recipe that differs.
+    /// If the setup makes no pair; else names the first key of the provenance that differs.
     pub fn expect_setup(&self, setup: &PairSetup) -> Result<(), TableSetupError> {
         let baked = setup.as_baked(self.spec());
-        let recipe = baked.plan()?.recipe(&baked.fixed, &baked.moving);
-        Ok(self.expect_recipe(&recipe)?)
+        let provenance = baked.plan()?.provenance(&baked.fixed, &baked.moving);
+        Ok(self.expect_provenance(&provenance)?)
     }
 }
 

@@ -4,7 +4,7 @@ use sdf_grid::{Lattice, Silent};
 
 use super::*;
 use crate::geometry::placement::Placement;
-use crate::pair::model::PairRecipe;
+use crate::pair::model::PairProvenance;
 use crate::pair::model::ScoreModel;
 use crate::rotations::domain::RotationDomain;
 use crate::sweep::NodeEnergies;
@@ -71,7 +71,10 @@ fn readings_are_those_of_the_definition() {
     for shape in [[1, 1, 1], [2, 5, 3], [5, 1, 4], [6, 13, 9], [7, 8, 5]] {
         let window = Lattice::new(DVec3::splat(-0.5), 0.25, shape).unwrap();
         let spec = TableSpec {
-            recipe: PairRecipe::without_fields(ScoreModel::GUIDED, DVec3::new(0.1, 0.2, -0.1)),
+            provenance: PairProvenance::without_fields(
+                ScoreModel::GUIDED,
+                DVec3::new(0.1, 0.2, -0.1),
+            ),
             window,
             rotations: RotationDomain::ball(20.0, 10.0),
             symmetry: None,

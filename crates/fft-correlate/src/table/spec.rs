@@ -1,14 +1,14 @@
 //! What a table holds: everything that decides its values.
 
 use glam::DVec3;
-use sdf_grid::{FieldRecipe, Lattice};
+use sdf_grid::{FieldProvenance, Lattice};
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::placement::Placement;
 use crate::geometry::translation::TranslationWindow;
 use crate::pair::contact::Contact;
 use crate::pair::fields::Pair;
-use crate::pair::model::{ModelError, PairRecipe, ScoreModel};
+use crate::pair::model::{ModelError, PairProvenance, ScoreModel};
 use crate::rotations::domain::{AxisSymmetry, RotationDomain, RotationError};
 use crate::rotations::grid::RotationGrid;
 use crate::table::layout::Layout;
@@ -19,7 +19,7 @@ use crate::table::layout::Layout;
 #[serde(deny_unknown_fields)]
 pub struct TableSpec {
     /// What the energies are made from; its lattices have the window's spacing.
-    pub recipe: PairRecipe,
+    pub provenance: PairProvenance,
     /// Pivot displacements of the translation nodes, metres along the fixed part's own
     /// axes.
     pub window: Lattice,
@@ -46,7 +46,7 @@ impl TableSpec {
     /// The table of a pair, without symmetry.
     pub fn for_pair(pair: &Pair, window: &TranslationWindow, rotations: RotationDomain) -> Self {
         Self {
-            recipe: pair.recipe(),
+            provenance: pair.provenance(),
             window: *window.lattice(),
             rotations,
             symmetry: None,
@@ -59,12 +59,12 @@ impl TableSpec {
 
     /// The moving part's pivot, metres in its frame.
     pub fn pivot(&self) -> DVec3 {
-        DVec3::from_array(self.recipe.pivot)
+        DVec3::from_array(self.provenance.pivot)
     }
 
     /// Weights of the score and the scale of the energy.
     pub fn model(&self) -> &ScoreModel {
-        &self.recipe.model
+        &self.provenance.model
     }
 
     /// Checks every number.
@@ -72,7 +72,7 @@ impl TableSpec {
     /// # Errors
     /// Names the first that is out of range.
     pub fn validate(&self) -> Result<(), TableError> {
-        self.recipe.model.validate()?;
+        self.provenance.model.validate()?;
         self.storage.validate()?;
         // A lattice read from a file has not passed through its constructor.
         let window = &self.window;
@@ -158,7 +158,7 @@ impl TableSpec {
     pub fn fade_length(&self) -> f64 {
         let window = &self.window;
         let sides = DVec3::from_array(window.shape().map(|n| n as f64 - 1.0)) * window.spacing();
-        let length = match &self.recipe.moving {
+        let length = match &self.provenance.moving {
             Some(part) => radius(part, self.pivot()),
             None => sides.length(),
         };
@@ -230,7 +230,7 @@ impl Storage {
 }
 
 /// Greatest distance of a density's lattice from a point, metres.
-fn radius(part: &FieldRecipe, point: DVec3) -> f64 {
+fn radius(part: &FieldProvenance, point: DVec3) -> f64 {
     let lattice = &part.lattice;
     let sides = DVec3::from_array(lattice.shape().map(|n| n as f64 - 1.0)) * lattice.spacing();
     let (low, high) = (lattice.origin() - point, lattice.origin() + sides - point);

@@ -9,7 +9,7 @@ use fft_correlate::{Correlator, Pair, ScoreModel, TranslationWindow};
 use glam::{DQuat, DVec3};
 use ndarray::Array3;
 use num_complex::Complex32;
-use sdf_grid::{DensityField, FIELD_VERSION, FieldRecipe, Lattice, Sampling};
+use sdf_grid::{DensityField, FIELD_VERSION, FieldProvenance, Lattice, Sampling};
 
 /// A block, solid inside and with a rim of exterior around.
 fn block(nodes: usize, model: &ScoreModel) -> Arc<DensityField> {
@@ -28,7 +28,7 @@ fn block(nodes: usize, model: &ScoreModel) -> Arc<DensityField> {
         exterior: values(false),
         interior: values(true),
         signed_distance: Array3::zeros([nodes; 3]),
-        recipe: FieldRecipe {
+        provenance: FieldProvenance {
             version: FIELD_VERSION,
             mesh: String::new(),
             sigma: model.sigma,

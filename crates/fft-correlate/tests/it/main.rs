@@ -18,7 +18,7 @@ mod mating;
 mod mould;
 mod physics;
 mod physics_well;
-mod recipes;
+mod provenance;
 mod store;
 mod store_damage;
 mod store_memory;

@@ -135,7 +135,7 @@ fn foreign_metadata_is_refused_by_name() {
         ),
         "{fine}"
     );
-    let sigma = with_header(|h| h["table"]["recipe"]["model"]["sigma"] = json!(7.0));
+    let sigma = with_header(|h| h["table"]["provenance"]["model"]["sigma"] = json!(7.0));
     assert!(
         matches!(sigma, StoreError::Table(TableError::Model(_))),
         "{sigma}"
@@ -153,7 +153,7 @@ fn broken_files_are_refused_by_name() {
     let path = folder.path().join("t.zarr");
     baked(&path, Share::ALL).unwrap();
     let (energy, mut spec) = small();
-    spec.recipe.model.sigma = 0.1;
+    spec.provenance.model.sigma = 0.1;
     let other = bake(
         &path,
         &spec,
@@ -163,7 +163,7 @@ fn broken_files_are_refused_by_name() {
     );
     assert!(
         matches!(other, Err(BakeError::Store(StoreError::Different { ref difference, .. }))
-        if difference.key == "recipe.model.sigma")
+        if difference.key == "provenance.model.sigma")
     );
     for (file, keep) in [("coefficients/zarr.json", 100), ("zarr.json", 60)] {
         let file = path.join(file);

@@ -116,12 +116,14 @@ fn a_number_that_is_edited_is_refused_by_the_digest() {
     type Edit = fn(&mut Value);
     let edits: [(&str, Edit); 8] = [
         ("gamma", |h| {
-            h["table"]["recipe"]["model"]["gamma"] = json!(2.0)
+            h["table"]["provenance"]["model"]["gamma"] = json!(2.0)
         }),
         ("sigma", |h| {
-            h["table"]["recipe"]["model"]["sigma"] = json!(0.1)
+            h["table"]["provenance"]["model"]["sigma"] = json!(0.1)
         }),
-        ("pivot", |h| h["table"]["recipe"]["pivot"][1] = json!(0.25)),
+        ("pivot", |h| {
+            h["table"]["provenance"]["pivot"][1] = json!(0.25)
+        }),
         ("origin", |h| {
             h["table"]["window"]["origin"][0] = json!(-0.1)
         }),
@@ -159,7 +161,7 @@ fn a_number_that_is_edited_is_refused_by_the_digest() {
 fn chunks_are_none_of_a_table_that_says_otherwise() {
     let files = in_memory(&tiny());
     reseal(&files, |h| {
-        h["table"]["recipe"]["model"]["sigma"] = json!(0.1)
+        h["table"]["provenance"]["model"]["sigma"] = json!(0.1)
     });
     let error = loaded(&files).unwrap_err();
     assert!(matches!(error, StoreError::Damaged { .. }), "{error}");
@@ -242,9 +244,12 @@ fn a_chunk_of_another_table_is_refused() {
     };
     type Change<'a> = Box<dyn Fn(&mut TableSpec) + 'a>;
     let changes: [(&str, Change<'_>); 6] = [
-        ("gamma", Box::new(|s| s.recipe.model.gamma *= 1.000_000_1)),
-        ("sigma", Box::new(|s| s.recipe.model.sigma *= 1.01)),
-        ("pivot", Box::new(|s| s.recipe.pivot[2] += 1e-9)),
+        (
+            "gamma",
+            Box::new(|s| s.provenance.model.gamma *= 1.000_000_1),
+        ),
+        ("sigma", Box::new(|s| s.provenance.model.sigma *= 1.01)),
+        ("pivot", Box::new(|s| s.provenance.pivot[2] += 1e-9)),
         ("window", Box::new(|s| s.window = shifted(&s.window, 1e-9))),
         ("far energy", Box::new(|s| s.far_energy = 1e-12)),
         ("leave out", Box::new(|s| s.storage.leave_out = 1e-9)),

@@ -10,7 +10,7 @@ use ndarray::{Array3, Axis, concatenate, s};
 use num_complex::Complex32;
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
-use sdf_grid::{DensityField, FieldRecipe, Lattice};
+use sdf_grid::{DensityField, FieldProvenance, Lattice};
 
 const H: f64 = 0.001;
 
@@ -146,9 +146,9 @@ fn slab(field: &DensityField, axis: usize) -> DensityField {
         exterior: cut(&field.exterior),
         interior: cut(&field.interior),
         signed_distance: distance.as_standard_layout().into_owned(),
-        recipe: FieldRecipe {
+        provenance: FieldProvenance {
             lattice: Lattice::new(field.lattice().position(first), H, shape).expect("lattice"),
-            ..field.recipe.clone()
+            ..field.provenance.clone()
         },
     }
 }

@@ -124,7 +124,7 @@ fn bad_specifications_are_refused() {
         Err(TableError::Rotations(RotationError::Symmetry { order: 4 }))
     ));
     assert!(matches!(
-        try_spec(&|s| s.recipe.pivot[1] = f64::INFINITY),
+        try_spec(&|s| s.provenance.pivot[1] = f64::INFINITY),
         Err(TableError::Spec { name: "pivot", .. })
     ));
 }

@@ -79,7 +79,7 @@ impl LoadedPair {
                 bytes: source.describe().bytes,
                 source: Arc::new(source) as Arc<dyn EnergySource>,
             },
-            reach: direct_reach(pair.model(), pair.fixed().recipe.halo, fixed, radius),
+            reach: direct_reach(pair.model(), pair.fixed().provenance.halo, fixed, radius),
             right: None,
         })
     }

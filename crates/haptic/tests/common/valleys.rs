@@ -3,8 +3,8 @@
 
 use fft_correlate::testing::bake_files;
 use fft_correlate::{
-    NodeEnergies, PairRecipe, Placement, RotationDomain, ScoreModel, Share, Storage, TableFiles,
-    TableSpec, TableStore,
+    NodeEnergies, PairProvenance, Placement, RotationDomain, ScoreModel, Share, Storage,
+    TableFiles, TableSpec, TableStore,
 };
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
@@ -45,7 +45,7 @@ impl Valleys {
     /// The table over turns of 60 degrees every 6, and displacements of 20 mm every 10.
     pub(crate) fn bake(self) -> TableFiles {
         let spec = TableSpec {
-            recipe: PairRecipe::without_fields(ScoreModel::GUIDED, DVec3::ZERO),
+            provenance: PairProvenance::without_fields(ScoreModel::GUIDED, DVec3::ZERO),
             window: Lattice::new(DVec3::splat(-0.02), 0.01, [5; 3]).unwrap(),
             rotations: RotationDomain::ball(60.0, 6.0),
             symmetry: None,

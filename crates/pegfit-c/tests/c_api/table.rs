@@ -5,7 +5,7 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
 use fft_correlate::{
-    NodeEnergies, PairRecipe, Placement, RotationDomain, ScoreModel, Share, TableSpec, bake,
+    NodeEnergies, PairProvenance, Placement, RotationDomain, ScoreModel, Share, TableSpec, bake,
 };
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
@@ -39,7 +39,7 @@ pub(crate) fn bake_spring(folder: &Path) -> CString {
 pub(crate) fn bake_placed_spring(folder: &Path, placement: Placement) -> CString {
     let window = Lattice::new(DVec3::splat(-0.008), 0.002, [9; 3]).unwrap();
     let spec = TableSpec {
-        recipe: PairRecipe::without_fields(ScoreModel::default(), DVec3::ZERO),
+        provenance: PairProvenance::without_fields(ScoreModel::default(), DVec3::ZERO),
         window,
         rotations: RotationDomain::List {
             rotations: vec![[0.0, 0.0, 0.0, 1.0]],

@@ -243,7 +243,7 @@ class Docking:
 
 
 @dataclass(frozen=True)
-class _Recipe:
+class _SceneSource:
     """What a pair of meshes was made of, to write it as a scene."""
 
     fixed: Mesh
@@ -357,7 +357,7 @@ class Pair:
         meshes = [as_mesh(fixed, unit, "fixed"), as_mesh(moving, unit, "moving")]
         self._names = [mesh.name for mesh in meshes]
         half = None if half_extent is None else three(half_extent, "half_extent")
-        self._scene: Union[Path, _Recipe] = _Recipe(
+        self._scene: Union[Path, _SceneSource] = _SceneSource(
             meshes[0], meshes[1], spacing, model, cache, peak_force, gamma, half
         )
         limit = count_or_none(memory, "memory", SceneError)
@@ -397,7 +397,7 @@ class Pair:
 
     def _write_scene(self, folder: FilePath) -> FilePath:
         """A scene file of the pair, for the command."""
-        if isinstance(self._scene, _Recipe):
+        if isinstance(self._scene, _SceneSource):
             return self._scene.write(folder)
         return FilePath(self._scene)
 

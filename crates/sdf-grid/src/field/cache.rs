@@ -1,8 +1,8 @@
 //! Density fields kept on disk, so that a part's field is computed once.
 //!
-//! One file per field, named by the hash of its [`FieldRecipe`]: everything the values depend on. A
+//! One file per field, named by the hash of its [`FieldProvenance`]: everything the values depend on. A
 //! file is `MAGIC`, a number that tells the order of bytes, the hash of the values, length and text
-//! of the recipe (JSON), then the values as the machine holds them: exterior, interior, signed
+//! of the provenance (JSON), then the values as the machine holds them: exterior, interior, signed
 //! distance. A file is either whole or absent ([`crate::atomic`]).
 
 use std::fs::{self, File};
@@ -13,11 +13,11 @@ use super::density_field::DensityField;
 use super::kernel::DensityKernel;
 use super::lattice::Lattice;
 use super::options::{DensityError, DensityOptions};
-use super::recipe::FieldRecipe;
+use super::provenance::FieldProvenance;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::support::atomic;
 use crate::support::monitor::Monitor;
-use crate::support::recipe::{Difference, difference};
+use crate::support::provenance::{Difference, difference};
 use crate::support::regular::{self, RegularError};
 
 /// First bytes of every file.
@@ -26,11 +26,11 @@ const MAGIC: &[u8; 16] = b"pegfit field 16\n";
 /// Reads otherwise on a machine that holds numbers the other way round.
 const ORDER: [u8; 4] = 1u32.to_ne_bytes();
 
-/// Bytes before the recipe.
+/// Bytes before the provenance.
 const HEADER: usize = MAGIC.len() + ORDER.len() + blake3::OUT_LEN + size_of::<u64>();
 
-/// No recipe has as many bytes.
-const LONGEST_RECIPE: u64 = 1 << 16;
+/// No provenance has as many bytes.
+const LONGEST_PROVENANCE: u64 = 1 << 16;
 
 /// A directory of density fields.
 #[derive(Debug, Clone)]
@@ -60,7 +60,7 @@ enum EntryError {
     #[error("not a field of this version")]
     Header,
     #[error("not the field asked for: {0}")]
-    Recipe(#[from] Difference),
+    Provenance(#[from] Difference),
     #[error("values do not match their checksum")]
     Checksum,
     #[error(transparent)]
@@ -96,7 +96,7 @@ impl FieldCache {
         lattice: &Lattice,
         options: &DensityOptions,
     ) -> PathBuf {
-        self.entry(&FieldRecipe::new(mesh, kernel, lattice, options))
+        self.entry(&FieldProvenance::new(mesh, kernel, lattice, options))
     }
 
     /// The field of these inputs: read if it is in the cache and intact, else computed
@@ -114,9 +114,9 @@ impl FieldCache {
         monitor: &dyn Monitor,
     ) -> Result<DensityField, DensityError> {
         options.validate()?;
-        let recipe = FieldRecipe::new(mesh, kernel, lattice, options);
-        let path = self.entry(&recipe);
-        match read(&path, &recipe) {
+        let provenance = FieldProvenance::new(mesh, kernel, lattice, options);
+        let path = self.entry(&provenance);
+        match read(&path, &provenance) {
             Ok(Some(field)) => return Ok(field),
             Ok(None) => {}
             Err(EntryError::Density(error)) => return Err(error),
@@ -125,7 +125,7 @@ impl FieldCache {
                 tracing::warn!(%path, %error, "cached field is unusable and will be replaced");
             }
         }
-        let field = DensityField::follow(recipe, mesh, kernel, monitor)?;
+        let field = DensityField::follow(provenance, mesh, kernel, monitor)?;
         if let Err(error) = write(&path, &field) {
             let path = path.display();
             tracing::warn!(%path, %error, "field could not be cached");
@@ -133,9 +133,9 @@ impl FieldCache {
         Ok(field)
     }
 
-    fn entry(&self, recipe: &FieldRecipe) -> PathBuf {
+    fn entry(&self, provenance: &FieldProvenance) -> PathBuf {
         self.directory
-            .join(format!("{}.field", recipe.hash().to_hex()))
+            .join(format!("{}.field", provenance.hash().to_hex()))
     }
 }
 
@@ -144,20 +144,20 @@ fn write(path: &Path, field: &DensityField) -> io::Result<()> {
     if let Err(e @ RegularError::Kind { .. }) = regular::open(path) {
         return Err(io::Error::other(e));
     }
-    let recipe = field.recipe.to_json();
+    let provenance = field.provenance.to_json();
     atomic::write_with(path, |out| {
         out.write_all(MAGIC)?;
         out.write_all(&ORDER)?;
         out.write_all(checksum(values(field)?).as_bytes())?;
-        out.write_all(&(recipe.len() as u64).to_ne_bytes())?;
-        out.write_all(recipe.as_bytes())?;
+        out.write_all(&(provenance.len() as u64).to_ne_bytes())?;
+        out.write_all(provenance.as_bytes())?;
         let mut parts = values(field)?.into_iter();
         parts.try_for_each(|part| out.write_all(part))
     })
 }
 
-/// The field in `path`, which must be that of `recipe`; none if there is no such file.
-fn read(path: &Path, recipe: &FieldRecipe) -> Result<Option<DensityField>, EntryError> {
+/// The field in `path`, which must be that of `provenance`; none if there is no such file.
+fn read(path: &Path, provenance: &FieldProvenance) -> Result<Option<DensityField>, EntryError> {
     let Some((mut file, found)) = regular::open(path)? else {
         return Ok(None);
     };
@@ -169,12 +169,12 @@ fn read(path: &Path, recipe: &FieldRecipe) -> Result<Option<DensityField>, Entry
     if magic != MAGIC || order != ORDER {
         return Err(EntryError::Header);
     }
-    let text = read_recipe(&mut file, length)?;
-    let stored: FieldRecipe = serde_json::from_slice(&text).map_err(|_| EntryError::Header)?;
-    if let Some(difference) = difference(&stored, recipe) {
+    let text = read_provenance(&mut file, length)?;
+    let stored: FieldProvenance = serde_json::from_slice(&text).map_err(|_| EntryError::Header)?;
+    if let Some(difference) = difference(&stored, provenance) {
         return Err(difference.into());
     }
-    let expected = (HEADER + text.len()) as u64 + DensityField::memory_bytes(&recipe.lattice);
+    let expected = (HEADER + text.len()) as u64 + DensityField::memory_bytes(&provenance.lattice);
     if found != expected {
         return Err(EntryError::Length { expected, found });
     }
@@ -188,10 +188,10 @@ fn read(path: &Path, recipe: &FieldRecipe) -> Result<Option<DensityField>, Entry
     Ok(Some(field))
 }
 
-/// The text of the recipe, whose length the header states.
-fn read_recipe(file: &mut File, length: &[u8]) -> Result<Vec<u8>, EntryError> {
+/// The text of the provenance, whose length the header states.
+fn read_provenance(file: &mut File, length: &[u8]) -> Result<Vec<u8>, EntryError> {
     let length = length.try_into().map(u64::from_ne_bytes);
-    let length = length.ok().filter(|n| *n <= LONGEST_RECIPE);
+    let length = length.ok().filter(|n| *n <= LONGEST_PROVENANCE);
     let mut text = Vec::new();
     file.take(length.ok_or(EntryError::Header)?)
         .read_to_end(&mut text)?;

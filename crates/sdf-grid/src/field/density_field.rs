@@ -6,7 +6,7 @@ use num_complex::Complex32;
 use super::kernel::DensityKernel;
 use super::lattice::{Lattice, zeros};
 use super::options::{DensityError, DensityOptions, Sampling};
-use super::recipe::FieldRecipe;
+use super::provenance::FieldProvenance;
 use super::sampling::blocks::Arrays;
 use super::sampling::fill::{fill, taper, working_bytes};
 use crate::mesh::triangle_mesh::TriangleMesh;
@@ -22,7 +22,7 @@ pub struct DensityField {
     /// Distance to the boundary at the node, metres, negative inside.
     pub signed_distance: Array3<f32>,
     /// What the values depend on.
-    pub recipe: FieldRecipe,
+    pub provenance: FieldProvenance,
 }
 
 impl DensityField {
@@ -43,30 +43,30 @@ impl DensityField {
         monitor: &dyn Monitor,
     ) -> Result<Self, DensityError> {
         options.validate()?;
-        let recipe = FieldRecipe::new(mesh, kernel, lattice, options);
-        Self::follow(recipe, mesh, kernel, monitor)
+        let provenance = FieldProvenance::new(mesh, kernel, lattice, options);
+        Self::follow(provenance, mesh, kernel, monitor)
     }
 
-    /// Computes the field of a recipe, which must be that of `mesh` and `kernel`.
+    /// Computes the field of a provenance, which must be that of `mesh` and `kernel`.
     pub(crate) fn follow(
-        recipe: FieldRecipe,
+        provenance: FieldProvenance,
         mesh: &TriangleMesh,
         kernel: &DensityKernel,
         monitor: &dyn Monitor,
     ) -> Result<Self, DensityError> {
-        let mut field = Self::allocate(recipe)?;
+        let mut field = Self::allocate(provenance)?;
         let arrays = Arrays {
             exterior: field.exterior.view_mut(),
             interior: field.interior.view_mut(),
             signed_distance: field.signed_distance.view_mut(),
         };
-        fill(&field.recipe, arrays, mesh, kernel, monitor)?;
+        fill(&field.provenance, arrays, mesh, kernel, monitor)?;
         Ok(field)
     }
 
     /// Where the values sit, in the part's own frame.
     pub fn lattice(&self) -> &Lattice {
-        &self.recipe.lattice
+        &self.provenance.lattice
     }
 
     /// Memory that the values on `lattice` take, bytes.
@@ -94,7 +94,7 @@ impl DensityField {
     /// conjugated goes on in `I` across faces, so that smoothing the two together loses little: it is
     /// `∫ |O* + I|² dV` of smoothed fields, too.
     pub fn mould_score(&self) -> f64 {
-        let halo = self.recipe.halo;
+        let halo = self.provenance.halo;
         let nodes = Zip::from(&self.exterior)
             .and(&self.interior)
             .and(&self.signed_distance);
@@ -106,14 +106,14 @@ impl DensityField {
     }
 
     /// A field of zeros.
-    pub(crate) fn allocate(recipe: FieldRecipe) -> Result<Self, DensityError> {
-        let lattice = &recipe.lattice;
+    pub(crate) fn allocate(provenance: FieldProvenance) -> Result<Self, DensityError> {
+        let lattice = &provenance.lattice;
         let bytes = Self::memory_bytes(lattice);
         Ok(Self {
             exterior: zeros(lattice.shape()).ok_or(DensityError::Memory { bytes })?,
             interior: zeros(lattice.shape()).ok_or(DensityError::Memory { bytes })?,
             signed_distance: zeros(lattice.shape()).ok_or(DensityError::Memory { bytes })?,
-            recipe,
+            provenance,
         })
     }
 }

@@ -17,6 +17,6 @@ pub(crate) mod lattice;
 pub(crate) mod options;
 mod packet;
 pub(crate) mod point;
+pub(crate) mod provenance;
 mod quadrature;
-pub(crate) mod recipe;
 pub(crate) mod sampling;

@@ -1,4 +1,4 @@
-//! Basics of the whole crate: files, recipes, progress and memory.
+//! Basics of the whole crate: files, provenances, progress and memory.
 
 pub(crate) mod angle;
 pub mod atomic;
@@ -11,6 +11,6 @@ pub(crate) mod monitor;
 pub(crate) mod place;
 #[doc(hidden)]
 pub mod prefetch;
-pub mod recipe;
+pub mod provenance;
 pub mod regular;
 pub mod text;

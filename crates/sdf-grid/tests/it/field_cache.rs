@@ -106,7 +106,7 @@ fn a_damaged_file_is_replaced() {
         Vec::new(),
         good[..good.len() - 1].to_vec(),
         [good.clone(), vec![0]].concat(),
-        // First bytes, byte order, hash, length from either end, recipe.
+        // First bytes, byte order, hash, length from either end, provenance.
         flipped(0),
         flipped(17),
         flipped(20),
@@ -131,15 +131,15 @@ fn a_damaged_file_is_replaced() {
 
 /// A file's name alone does not make it the field asked for.
 #[test]
-fn a_field_of_another_recipe_is_replaced() {
+fn a_field_of_another_provenance_is_replaced() {
     let dir = tempfile::tempdir().unwrap();
     let cache = FieldCache::new(dir.path()).unwrap();
     let (inputs, mut other, begun) = (Inputs::new(), Inputs::new(), Begun::default());
     let field = inputs.get(&cache, &begun);
-    assert_eq!(field.recipe.version, sdf_grid::FIELD_VERSION);
+    assert_eq!(field.provenance.version, sdf_grid::FIELD_VERSION);
     other.options.halo = 0.3;
     let faded = other.get(&cache, &begun);
-    assert_eq!(faded.recipe.halo, 0.3);
+    assert_eq!(faded.provenance.halo, 0.3);
     assert!(faded.exterior != field.exterior);
     fs::copy(other.path(&cache), inputs.path(&cache)).unwrap();
     assert_eq!(inputs.get(&cache, &begun), field);

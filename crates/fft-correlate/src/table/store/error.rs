@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use sdf_grid::recipe::Difference;
+use sdf_grid::provenance::Difference;
 
 use crate::table::spec::TableError;
 

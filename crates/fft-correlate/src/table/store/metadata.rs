@@ -168,11 +168,11 @@ impl Header {
 }
 
 /// Version of the layout and of the meaning of the attributes.
-pub const FORMAT_VERSION: u32 = 6;
+pub const FORMAT_VERSION: u32 = 7;
 
 /// One chunk of coefficients for each rotation node; stored numbers are `unit` joules each.
 pub(super) fn coefficient_array(spec: &TableSpec, unit: f64, grid: &RotationGrid) -> TableArray {
-    let name = match Smoothing::of_recipe(&spec.recipe) {
+    let name = match Smoothing::of_provenance(&spec.provenance) {
         Some(_) => "cubic B-spline coefficients of the energy, without what contact adds",
         None => "cubic B-spline coefficients of the energy",
     };
@@ -462,24 +462,27 @@ pub(super) fn read_surfaces(
         item,
         reason,
     };
-    let recipe = &header.table.recipe;
-    let (Some(smoothing), Some(sizes)) = (Smoothing::of_recipe(recipe), header.parts) else {
-        return match Smoothing::of_recipe(recipe) {
+    let provenance = &header.table.provenance;
+    let (Some(smoothing), Some(sizes)) = (Smoothing::of_provenance(provenance), header.parts)
+    else {
+        return match Smoothing::of_provenance(provenance) {
             Some(_) => Err(metadata("attribute parts", "there is none".into())),
             None => Ok(None),
         };
     };
-    let hashes = [&recipe.fixed, &recipe.moving].map(|f| f.as_ref().map_or("", |f| &f.mesh));
+    let hashes =
+        [&provenance.fixed, &provenance.moving].map(|f| f.as_ref().map_or("", |f| &f.mesh));
     let mut parts = Vec::with_capacity(2);
     for (((size, names), name), hash) in sizes.into_iter().zip(SURFACES).zip(PARTS).zip(hashes) {
         let part = read_part(files, size, name, names)?;
         if blake3::Hash::from_bytes(part.hash()).to_hex().as_str() != hash {
-            let reason = "the surface is not that of the recipe".to_owned();
+            let reason = "the surface is not that of the provenance".to_owned();
             return Err(metadata(names[0][1], reason));
         }
         parts.push(part);
     }
-    let jump = jump(&recipe.model).map_err(|e: KernelError| metadata("sigma", e.to_string()))?;
+    let jump =
+        jump(&provenance.model).map_err(|e: KernelError| metadata("sigma", e.to_string()))?;
     let window = &header.table.window;
     let region = ContactRegion::Window(PoseWindow {
         pivot: header.table.pivot(),

@@ -5,9 +5,9 @@ use std::io;
 use std::path::Path;
 
 use rayon::prelude::*;
-use sdf_grid::recipe::{Difference, difference};
+use sdf_grid::provenance::{Difference, difference};
 
-use crate::pair::model::PairRecipe;
+use crate::pair::model::PairProvenance;
 use crate::rotations::chart::Chart;
 use crate::rotations::grid::RotationGrid;
 use crate::table::accuracy::ErrorReport;
@@ -145,9 +145,9 @@ impl TableStore {
     /// Checks that the table was baked from this pair.
     ///
     /// # Errors
-    /// Names the first key of the recipe that differs.
-    pub fn expect_recipe(&self, given: &PairRecipe) -> Result<(), StoreError> {
-        self.expect(difference(&self.spec().recipe, given))
+    /// Names the first key of the provenance that differs.
+    pub fn expect_provenance(&self, given: &PairProvenance) -> Result<(), StoreError> {
+        self.expect(difference(&self.spec().provenance, given))
     }
 
     fn expect_spec(&self, given: &TableSpec) -> Result<(), StoreError> {

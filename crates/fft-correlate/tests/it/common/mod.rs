@@ -2,8 +2,8 @@
 #![allow(missing_docs, unreachable_pub)]
 
 use fft_correlate::{
-    AxisSymmetry, EnergySource, EnergyTable, NodeEnergies, PairRecipe, Placement, Pose, Response,
-    RotationDomain, ScoreModel, Scratch, Side, Storage, TableSpec, Wrench,
+    AxisSymmetry, EnergySource, EnergyTable, NodeEnergies, PairProvenance, Placement, Pose,
+    Response, RotationDomain, ScoreModel, Scratch, Side, Storage, TableSpec, Wrench,
 };
 use glam::{DQuat, DVec3};
 use ndarray::ArrayViewMut3;
@@ -129,7 +129,7 @@ pub fn window(half: f64, spacing: f64) -> Lattice {
 
 pub fn spec(window: Lattice, rotations: RotationDomain) -> TableSpec {
     TableSpec {
-        recipe: PairRecipe::without_fields(ScoreModel::GUIDED, PIVOT),
+        provenance: PairProvenance::without_fields(ScoreModel::GUIDED, PIVOT),
         window,
         rotations,
         symmetry: None,

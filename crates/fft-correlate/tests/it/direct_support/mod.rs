@@ -8,7 +8,7 @@ use glam::{DQuat, DVec3};
 use ndarray::Array3;
 use num_complex::{Complex32, Complex64};
 use rand::{Rng, SeedableRng, rngs::SmallRng};
-use sdf_grid::{DensityField, FIELD_VERSION, FieldRecipe, Lattice, Sampling};
+use sdf_grid::{DensityField, FIELD_VERSION, FieldProvenance, Lattice, Sampling};
 
 /// `amplitude * exp(-|p - centre|^2 / (2 width^2))`, one term of a synthetic unit density.
 #[derive(Debug, Clone, Copy)]
@@ -59,7 +59,7 @@ impl Blobs {
             signed_distance: Array3::from_shape_fn(lattice.shape(), |(i, j, k)| {
                 lattice.position([i, j, k]).length() as f32
             }),
-            recipe: FieldRecipe {
+            provenance: FieldProvenance {
                 version: FIELD_VERSION,
                 mesh: String::new(),
                 sigma: 0.1,

@@ -9,7 +9,7 @@ use ndarray::Array3;
 use num_complex::{Complex32, Complex64};
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{
-    DensityField, DensityKernel, DensityOptions, FIELD_VERSION, FieldRecipe, Lattice, Sampling,
+    DensityField, DensityKernel, DensityOptions, FIELD_VERSION, FieldProvenance, Lattice, Sampling,
     Silent, TriangleMesh,
 };
 
@@ -85,7 +85,7 @@ pub(crate) fn tongue_and_groove(thickness: f64, cells: usize, model: &ScoreModel
                 let outside = z(k).abs() - 0.5 * thickness;
                 (if solid_inside { outside } else { -outside }) as f32
             }),
-            recipe: FieldRecipe {
+            provenance: FieldProvenance {
                 version: FIELD_VERSION,
                 mesh: String::new(),
                 sigma: model.sigma,

@@ -14,7 +14,7 @@ use crate::field::lattice::Lattice;
 use crate::field::options::{DensityError, Sampling};
 use crate::field::packet::density::PacketDensity;
 use crate::field::point::density::{PointDensity, STEP};
-use crate::field::recipe::FieldRecipe;
+use crate::field::provenance::FieldProvenance;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::support::monitor::Monitor;
 use crate::surface::bvh::build::Leaves;
@@ -49,17 +49,17 @@ fn flatness_for(tolerance: f64) -> f64 {
 /// From this tolerance on most of a field is distances and far clusters, below it near faces.
 const COARSE: f64 = 3e-4;
 
-/// Computes the values of a field by its recipe, which is that of `mesh` and `kernel`, into arrays
+/// Computes the values of a field by its provenance, which is that of `mesh` and `kernel`, into arrays
 /// of zeros.
 pub(crate) fn fill(
-    recipe: &FieldRecipe,
+    provenance: &FieldProvenance,
     arrays: Arrays<'_>,
     mesh: &TriangleMesh,
     kernel: &DensityKernel,
     monitor: &dyn Monitor,
 ) -> Result<(), DensityError> {
     // The surface in a tree, and the kernel.
-    let tolerance = recipe.tolerance;
+    let tolerance = provenance.tolerance;
     let table = || CumulativeKernel::new(*kernel);
     let leaves = if tolerance < COARSE {
         Leaves::Small
@@ -76,20 +76,20 @@ pub(crate) fn fill(
     let Sampling::Smoothed {
         deviation,
         sharpening,
-    } = recipe.sampling
+    } = provenance.sampling
     else {
-        let (grid, region) = Grid::of(&recipe.lattice);
-        let sampler = Sampler::new(recipe, grid, tree);
+        let (grid, region) = Grid::of(&provenance.lattice);
+        let sampler = Sampler::new(provenance, grid, tree);
         monitor.begin("density", region.block_count());
         return sample(&sampler, arrays, region.first, monitor);
     };
     // Smoothed fields are sampled on a finer lattice and filtered.
-    let smoothing = Smoothing::new(&recipe.lattice, deviation, sharpening)?;
-    let ends = [recipe.sampling.spread(), recipe.halo].map(|v| v as f32);
+    let smoothing = Smoothing::new(&provenance.lattice, deviation, sharpening)?;
+    let ends = [provenance.sampling.spread(), provenance.halo].map(|v| v as f32);
     let typical = kernel.half_space().norm() as f32;
     monitor.begin("density", smoothing.blocks());
     smoothing.fill(arrays, ends, typical, |grid, first, arrays, upsampling| {
-        let mut sampler = Sampler::new(recipe, *grid, tree);
+        let mut sampler = Sampler::new(provenance, *grid, tree);
         if upsampling.is_none() {
             sampler.sampling = Sampling::Point;
         }
@@ -177,25 +177,25 @@ struct Scratch {
 
 impl<'a> Sampler<'a> {
     fn new(
-        recipe: &FieldRecipe,
+        provenance: &FieldProvenance,
         grid: Grid,
         (bvh, table): (&'a Bvh, &'a CumulativeKernel),
     ) -> Self {
         let scale = bvh.scale();
         let patches = PatchDensity::new(
             bvh,
-            PacketDensity::new(bvh, table, recipe.tolerance),
+            PacketDensity::new(bvh, table, provenance.tolerance),
             PointDensity::new(bvh, table),
-            recipe.halo * scale,
+            provenance.halo * scale,
             STEP * grid.spacing * scale,
-            [recipe.tolerance, table.kernel().sigma()],
+            [provenance.tolerance, table.kernel().sigma()],
         );
         Self {
             patches,
             bvh,
             grid,
-            halo: recipe.halo,
-            sampling: recipe.sampling,
+            halo: provenance.halo,
+            sampling: provenance.sampling,
             upsampling: None,
         }
     }

@@ -1,15 +1,15 @@
 //! Comparison of the provenance of two results.
 //!
-//! Everything that a stored result depends on is kept beside it as one value, its recipe (a field's is
-//! [`crate::FieldRecipe`]). Before the result is used or continued, [`difference`] names the first
-//! number in which the stored recipe differs from the requested one.
+//! Everything that a stored result depends on is kept beside it as one value, its provenance (a field's is
+//! [`crate::FieldProvenance`]). Before the result is used or continued, [`difference`] names the first
+//! number in which the stored provenance differs from the requested one.
 
 use std::fmt::Display;
 
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-/// The first place in which two recipes differ.
+/// The first place in which two provenances differ.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{key} is {stored} there, {given} here")]
 pub struct Difference {
@@ -21,7 +21,7 @@ pub struct Difference {
     pub given: String,
 }
 
-/// The first difference between a stored and a given recipe, in the order in which their keys are
+/// The first difference between a stored and a given provenance, in the order in which their keys are
 /// declared; none if they are equal.
 ///
 /// Values are compared as JSON holds them: numbers as numbers (1 is 1.0), and what is absent, an
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_recipes_have_no_difference() {
+    fn equal_provenances_have_no_difference() {
         assert_eq!(found(|_| ()), None);
     }
 

@@ -1,4 +1,4 @@
-//! What results were made from: every key of a recipe counts when a bake or a search goes on.
+//! What results were made from: every key of a provenance counts when a bake or a search goes on.
 
 use std::fs;
 use std::path::Path;
@@ -8,8 +8,8 @@ use fft_correlate::table::TableSetupError;
 use fft_correlate::testing::{SearchDomain, SearchOptions, SearchPairs, search};
 use fft_correlate::{
     BakeError, DockingError, EnergyScale, Pair, PairBuildError, PairBuilder, PairEnergies,
-    PairRecipe, PairSetup, RotationDomain, ScoreModel, Share, StoreError, TableSpec, TableStore,
-    TranslationWindow, bake,
+    PairProvenance, PairSetup, RotationDomain, ScoreModel, Share, StoreError, TableSpec,
+    TableStore, TranslationWindow, bake,
 };
 use glam::{DQuat, DVec3};
 use sdf_grid::{Aabb, Silent, TriangleMesh, shapes};
@@ -55,7 +55,7 @@ type Change = (&'static str, fn(&mut Made));
 
 type OfSearch = (&'static str, fn(&mut SearchDomain, &mut SearchOptions));
 
-/// Changes of a scene and the first key of the recipe in which they show.
+/// Changes of a scene and the first key of the provenance in which they show.
 const CHANGES: [Change; 12] = [
     ("fixed.halo", |m| m.builder.halo = Some(2.1e-3)),
     ("fixed.tolerance", |m| m.builder.tolerance = 2e-3),
@@ -135,7 +135,7 @@ fn a_table_of_other_parts_is_refused() {
 }
 
 #[test]
-fn an_interrupted_bake_goes_on_with_its_own_recipe_only() {
+fn an_interrupted_bake_goes_on_with_its_own_provenance_only() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("t.zarr");
     let stopped = baked(&path, &Made::FIRST, &StopAfter(2.into()));
@@ -144,42 +144,46 @@ fn an_interrupted_bake_goes_on_with_its_own_recipe_only() {
         let mut made = Made::FIRST;
         change(&mut made);
         let [found, stored, given] = refused(baked(&path, &made, &Silent));
-        assert_eq!(found, format!("recipe.{key}"));
+        assert_eq!(found, format!("provenance.{key}"));
         assert_ne!(stored, given, "{key}");
     }
     let mut made = Made::FIRST;
     made.builder.halo = Some(2.1e-3);
     let said = baked(&path, &made, &Silent).unwrap_err().to_string();
     assert!(
-        said.contains("recipe.fixed.halo") && said.contains("0.002 ") && said.contains("0.0021 "),
+        said.contains("provenance.fixed.halo")
+            && said.contains("0.002 ")
+            && said.contains("0.0021 "),
         "{said}"
     );
     // A field version of another program.
     let file = path.join("zarr.json");
     let whole = fs::read(&file).unwrap();
     let changed = resealed(&whole, |own| {
-        own["table"]["recipe"]["moving"]["version"] = 1.into();
+        own["table"]["provenance"]["moving"]["version"] = 1.into();
     });
     fs::write(&file, changed).unwrap();
     let [key, stored, _] = refused(baked(&path, &Made::FIRST, &Silent));
-    assert_eq!((&key[..], &stored[..]), ("recipe.moving.version", "1"));
+    assert_eq!((&key[..], &stored[..]), ("provenance.moving.version", "1"));
     fs::write(&file, whole).unwrap();
     baked(&path, &Made::FIRST, &Silent).unwrap();
     let store = TableStore::open(&path).unwrap();
-    store.expect_recipe(&Made::FIRST.pair().recipe()).unwrap();
+    store
+        .expect_provenance(&Made::FIRST.pair().provenance())
+        .unwrap();
     assert!(store.load(1 << 30).is_ok());
 }
 
-/// A recipe can be had without its fields.
+/// A provenance can be had without its fields.
 #[test]
-fn a_plan_has_the_recipe_of_the_pair_it_makes() {
+fn a_plan_has_the_provenance_of_the_pair_it_makes() {
     for (_, change) in CHANGES {
         let mut made = Made::FIRST;
         change(&mut made);
         let [fixed, moving] = made.meshes();
         let plan = made.builder.plan(&fixed, &moving, &made.model).unwrap();
-        let recipe: PairRecipe = plan.recipe(&fixed, &moving);
-        assert_eq!(recipe, made.pair().recipe());
+        let provenance: PairProvenance = plan.provenance(&fixed, &moving);
+        assert_eq!(provenance, made.pair().provenance());
     }
 }
 
@@ -199,7 +203,7 @@ fn seek(
 }
 
 #[test]
-fn a_search_goes_on_with_its_own_recipe_only() {
+fn a_search_goes_on_with_its_own_provenance_only() {
     let folder = tempfile::tempdir().unwrap();
     let state = folder.path().join("state.json");
     let pivot = Made::FIRST.pair().pivot();

@@ -11,13 +11,13 @@ use crate::mesh::triangle_mesh::TriangleMesh;
 /// sums over surfaces.
 pub const FIELD_VERSION: u32 = 18;
 
-/// Everything that a field's values depend on: two fields of one recipe are the same to the bit.
+/// Everything that a field's values depend on: two fields of one provenance are the same to the bit.
 ///
 /// It is kept with the field and with everything made from it (caches, tables, docking's state);
-/// [`crate::recipe::difference`] says in what two recipes differ.
+/// [`crate::provenance::difference`] says in what two provenances differ.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct FieldRecipe {
+pub struct FieldProvenance {
     /// [`FIELD_VERSION`] of the program that computed the values.
     pub version: u32,
     /// [`TriangleMesh::hash`] of the part, 64 hexadecimal digits.
@@ -36,8 +36,8 @@ pub struct FieldRecipe {
     pub lattice: Lattice,
 }
 
-impl FieldRecipe {
-    /// The recipe of the field that this version computes from these inputs.
+impl FieldProvenance {
+    /// The provenance of the field that this version computes from these inputs.
     pub fn new(
         mesh: &TriangleMesh,
         kernel: &DensityKernel,
@@ -56,12 +56,12 @@ impl FieldRecipe {
         }
     }
 
-    /// BLAKE3 hash of the whole recipe: the key of caches.
+    /// BLAKE3 hash of the whole provenance: the key of caches.
     pub fn hash(&self) -> blake3::Hash {
         blake3::hash(self.to_json().as_bytes())
     }
 
-    /// The recipe as one line of JSON, the same for equal recipes.
+    /// The provenance as one line of JSON, the same for equal provenances.
     pub(crate) fn to_json(&self) -> String {
         serde_json::to_string(self).expect("numbers, text and lists all have a form in JSON")
     }
@@ -86,8 +86,8 @@ mod tests {
 
     use super::*;
 
-    fn recipe(halo: f64) -> FieldRecipe {
-        FieldRecipe {
+    fn provenance(halo: f64) -> FieldProvenance {
+        FieldProvenance {
             version: FIELD_VERSION,
             mesh: "00".repeat(32),
             sigma: 0.1,
@@ -99,24 +99,24 @@ mod tests {
     }
 
     #[test]
-    fn recipes_survive_json_to_the_bit() {
+    fn provenance_survives_json_to_the_bit() {
         for halo in [f64::INFINITY, 0.1 + 0.2, f64::MIN_POSITIVE] {
-            let recipe = recipe(halo);
-            let read: FieldRecipe = serde_json::from_str(&recipe.to_json()).unwrap();
-            assert_eq!(read, recipe);
-            assert_eq!(read.hash(), recipe.hash());
+            let provenance = provenance(halo);
+            let read: FieldProvenance = serde_json::from_str(&provenance.to_json()).unwrap();
+            assert_eq!(read, provenance);
+            assert_eq!(read.hash(), provenance.hash());
         }
-        assert_ne!(recipe(1.0).hash(), recipe(2.0).hash());
+        assert_ne!(provenance(1.0).hash(), provenance(2.0).hash());
     }
 
     #[test]
     fn other_keys_and_missing_ones_are_refused() {
-        let text = recipe(1.0).to_json();
+        let text = provenance(1.0).to_json();
         for (from, to) in [("\"sigma\"", "\"sigmas\""), ("\"halo\":1.0,", "")] {
             let changed = text.replace(from, to);
             assert_ne!(changed, text);
             assert!(
-                serde_json::from_str::<FieldRecipe>(&changed).is_err(),
+                serde_json::from_str::<FieldProvenance>(&changed).is_err(),
                 "{to}"
             );
         }

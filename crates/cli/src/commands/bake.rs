@@ -170,7 +170,8 @@ fn check_tolerance(args: &BakeArgs, reached: Option<f64>) -> Result<(), CommandE
 fn status(args: &BakeArgs, context: &Context) -> Result<(), CommandError> {
     // The scene is read so that a mistake in it is found before the bake, not after.
     Scene::read(&args.scene.file)?;
-    let progress = stored::examine(&stored::open(&args.output)?, context)?;
+    let store = stored::open(&args.output)?;
+    let progress = stored::examine(&store, context)?;
     context.show(&progress, || {
         say!(
             "{}: {} of {} rotations finished, {} missing, {} damaged",
@@ -180,7 +181,8 @@ fn status(args: &BakeArgs, context: &Context) -> Result<(), CommandError> {
             progress.missing,
             progress.damaged
         );
-    })
+    })?;
+    stored::expect_whole(&store, &progress)
 }
 
 fn measure(

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::context::Context;
-use crate::error::CommandError;
+use crate::error::{CommandError, Exit};
 
 /// Seed of the held-out poses on which a finished table is compared with the direct evaluator.
 pub(super) const SEED: u64 = 1;
@@ -66,6 +66,22 @@ pub(super) fn examine(store: &TableStore, context: &Context) -> Result<Progress,
         missing: count(|s| matches!(s, ChunkState::Missing)),
         damaged: count(|s| matches!(s, ChunkState::Damaged(_))),
     })
+}
+
+/// Refuses a table of which a rotation, or a part's surface, is damaged.
+pub(super) fn expect_whole(store: &TableStore, progress: &Progress) -> Result<(), CommandError> {
+    let path = store.path().display();
+    let verdict = |reason| Err(CommandError::Verdict(reason, Exit::DamagedTable));
+    if let Err(e) = store.expect_surfaces() {
+        return verdict(e.to_string());
+    }
+    match progress.damaged {
+        0 => Ok(()),
+        count => verdict(format!(
+            "{path}: {count} of {} rotations are damaged: bake with --resume",
+            progress.rotations
+        )),
+    }
 }
 
 /// The errors that a table states, as shares of each quantity's rms.

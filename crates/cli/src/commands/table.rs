@@ -9,7 +9,7 @@ use super::stored;
 use crate::args::TableArgs;
 use crate::bytes::display_bytes;
 use crate::context::Context;
-use crate::error::{CommandError, Exit};
+use crate::error::CommandError;
 
 #[derive(Serialize)]
 struct Description<'a> {
@@ -44,16 +44,7 @@ pub(super) fn run(args: &TableArgs, context: &Context) -> Result<(), CommandErro
         error: store.error_report(),
     };
     context.show(&description, || print(&description, &store))?;
-    match progress.damaged {
-        0 => Ok(()),
-        count => Err(CommandError::Verdict(
-            format!(
-                "{}: {count} of {} rotations are damaged: bake with --resume",
-                description.table, progress.rotations
-            ),
-            Exit::DamagedTable,
-        )),
-    }
+    stored::expect_whole(&store, &progress)
 }
 
 fn print(d: &Description, store: &TableStore) {

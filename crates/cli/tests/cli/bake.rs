@@ -299,7 +299,11 @@ fn bad_tables_are_refused() {
         .unwrap();
     std::fs::write(table.join(&name), &bytes[..bytes.len() / 2]).unwrap();
     assert!(refuse(folder.path(), &score).contains("t.zarr"));
-    assert_eq!(status(folder.path())["damaged"], 1);
+    let args = ["bake", "scene.toml", "-o", "t.zarr", "--status", "--json"];
+    let output = pegfit(folder.path(), &args);
+    assert_eq!(output.status.code(), Some(4), "{}", stderr(&output));
+    let read: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(read["damaged"], 1);
     // The description is whole, as text and as JSON, but the exit code says that the table is not.
     let described = pegfit(folder.path(), &["table", "t.zarr", "--json"]);
     assert_eq!(described.status.code(), Some(4), "{}", stderr(&described));
@@ -321,6 +325,23 @@ fn bad_tables_are_refused() {
     assert!(refuse(folder.path(), &score).contains("t.zarr"));
     // Missing is not damaged.
     assert!(succeed(folder.path(), &["table", "t.zarr"]).contains("1 missing, 0 damaged"));
+
+    // A part's surface counts as a rotation does: said, and mended.
+    let resume = ["bake", "scene.toml", "-o", "t.zarr", "--resume", "-q"];
+    succeed(folder.path(), &resume);
+    let whole = content(&table);
+    for part in ["fixed_vertices", "moving_triangles"] {
+        let (name, bytes) = (whole
+            .iter()
+            .find(|(n, _)| n.starts_with(&format!("{part}/c")))
+            .unwrap());
+        std::fs::write(table.join(name), &bytes[..bytes.len() / 2]).unwrap();
+        let described = pegfit(folder.path(), &["table", "t.zarr"]);
+        assert_eq!(described.status.code(), Some(4));
+        assert!(stderr(&described).contains(name), "{}", stderr(&described));
+        succeed(folder.path(), &resume);
+        assert!(content(&table) == whole, "{name}");
+    }
 
     // Nothing there, and something else.
     std::fs::write(folder.path().join("file"), "not a table").unwrap();

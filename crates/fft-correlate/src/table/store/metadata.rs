@@ -437,7 +437,7 @@ const SURFACES: [[[&str; 2]; 2]; 2] = [
 const PARTS: [&str; 2] = ["fixed", "moving"];
 
 /// Writes the surfaces of both parts.
-fn write_surfaces(files: &TableFiles, contact: &Contact) -> Result<(), StoreError> {
+pub(super) fn write_surfaces(files: &TableFiles, contact: &Contact) -> Result<(), StoreError> {
     let sizes = PartSize::from_contact(contact);
     for (((part, size), names), name) in
         (contact.parts().into_iter().zip(sizes).zip(SURFACES)).zip(PARTS)
@@ -457,42 +457,60 @@ pub(super) fn read_surfaces(
     files: &TableFiles,
     header: &Header,
 ) -> Result<Option<Contact>, StoreError> {
-    let metadata = |item, reason: String| StoreError::Metadata {
-        path: files.place().into(),
-        item,
-        reason,
+    let Some((smoothing, [fixed, moving])) = read_parts(files, header)? else {
+        return Ok(None);
     };
-    let provenance = &header.table.provenance;
-    let (Some(smoothing), Some(sizes)) = (Smoothing::of_provenance(provenance), header.parts)
-    else {
-        return match Smoothing::of_provenance(provenance) {
-            Some(_) => Err(metadata("attribute parts", "there is none".into())),
-            None => Ok(None),
-        };
-    };
-    let hashes =
-        [&provenance.fixed, &provenance.moving].map(|f| f.as_ref().map_or("", |f| &f.mesh));
-    let mut parts = Vec::with_capacity(2);
-    for (((size, names), name), hash) in sizes.into_iter().zip(SURFACES).zip(PARTS).zip(hashes) {
-        let part = read_part(files, size, name, names)?;
-        if blake3::Hash::from_bytes(part.hash()).to_hex().as_str() != hash {
-            let reason = "the surface is not that of the provenance".to_owned();
-            return Err(metadata(names[0][1], reason));
-        }
-        parts.push(part);
-    }
-    let jump =
-        jump(&provenance.model).map_err(|e: KernelError| metadata("sigma", e.to_string()))?;
+    let metadata = |item, reason| metadata_error(files, item, reason);
+    let jump = jump(&header.table.provenance.model)
+        .map_err(|e: KernelError| metadata("sigma", e.to_string()))?;
     let window = &header.table.window;
     let region = ContactRegion::Window(PoseWindow {
         pivot: header.table.pivot(),
         // What is read there goes on a little outside.
         displacements: window.node_bounds().grown(3.0 * window.spacing()),
     });
-    let contact = Contact::within([&parts[0], &parts[1]], &smoothing, jump, &region);
+    let contact = Contact::within([&fixed, &moving], &smoothing, jump, &region);
     contact
         .map(Some)
         .map_err(|e: ContactError| metadata("surfaces", e.to_string()))
+}
+
+/// Reads both surfaces, which must be those of the provenance; none for a table of densities that
+/// were not smoothed.
+pub(super) fn read_parts(
+    files: &TableFiles,
+    header: &Header,
+) -> Result<Option<(Smoothing, [TriangleMesh; 2])>, StoreError> {
+    let provenance = &header.table.provenance;
+    let Some(smoothing) = Smoothing::of_provenance(provenance) else {
+        return Ok(None);
+    };
+    let Some(sizes) = header.parts else {
+        return Err(metadata_error(
+            files,
+            "attribute parts",
+            "there is none".into(),
+        ));
+    };
+    let hashes =
+        [&provenance.fixed, &provenance.moving].map(|f| f.as_ref().map_or("", |f| &f.mesh));
+    let read = |i: usize| {
+        let part = read_part(files, sizes[i], PARTS[i], SURFACES[i])?;
+        if blake3::Hash::from_bytes(part.hash()).to_hex().as_str() == hashes[i] {
+            return Ok(part);
+        }
+        let reason = "the surface is not that of the provenance".to_owned();
+        Err(metadata_error(files, SURFACES[i][1], reason))
+    };
+    Ok(Some((smoothing, [read(0)?, read(1)?])))
+}
+
+fn metadata_error(files: &TableFiles, item: &'static str, reason: String) -> StoreError {
+    StoreError::Metadata {
+        path: files.place().into(),
+        item,
+        reason,
+    }
 }
 
 fn read_part(

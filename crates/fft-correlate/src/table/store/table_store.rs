@@ -20,8 +20,8 @@ use crate::table::store::array::{TableArray, most_packed, pack, unpack};
 use crate::table::store::error::StoreError;
 use crate::table::store::files::TableFiles;
 use crate::table::store::metadata::{
-    FORMAT_VERSION, Header, Identity, PartSize, coefficient_array, expect_coordinates,
-    read_surfaces, write_empty_table,
+    FORMAT_VERSION, Header, Identity, PartSize, coefficient_array, expect_coordinates, read_parts,
+    read_surfaces, write_empty_table, write_surfaces,
 };
 
 /// A table on disk or in an object store, finished or not.
@@ -71,6 +71,9 @@ impl TableStore {
         }
         let store = Self::open_files(files)?;
         store.expect_spec(spec)?;
+        if let (Err(_), Some(contact)) = (store.expect_surfaces(), &spec.contact) {
+            write_surfaces(files, contact)?;
+        }
         Ok(store)
     }
 
@@ -222,6 +225,14 @@ impl TableStore {
             contact: read_surfaces(&self.files, &self.header)?,
             ..self.header.table.clone()
         })
+    }
+
+    /// Checks that the parts' surfaces, which the contact energy needs, are there and whole.
+    ///
+    /// # Errors
+    /// Names what is missing or wrong.
+    pub fn expect_surfaces(&self) -> Result<(), StoreError> {
+        read_parts(&self.files, &self.header).map(|_| ())
     }
 
     /// Whether the chunk of a rotation node is finished.

@@ -4,7 +4,7 @@ use fft_correlate::Pose;
 use fft_correlate::mating::Joint;
 
 /// A part is held that is held so well, nats.
-pub(crate) const HELD: f64 = 8.0;
+pub(crate) const HELD: f64 = 5.0;
 
 /// Parts are held alike if it is to within so much, nats, and if the shares of their surfaces that mate
 /// differ by less than this factor.

@@ -500,7 +500,7 @@ pub(super) fn read_parts(
             return Ok(part);
         }
         let reason = "the surface is not that of the provenance".to_owned();
-        Err(metadata_error(files, SURFACES[i][1], reason))
+        Err(metadata_error(files, SURFACES[i][1][1], reason))
     };
     Ok(Some((smoothing, [read(0)?, read(1)?])))
 }

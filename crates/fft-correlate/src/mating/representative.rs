@@ -12,7 +12,7 @@ use super::search::{HeldPose, MatingSearch};
 use crate::geometry::se3::Pose;
 
 /// Nats that a pose may rank below the best of its family.
-const AS_GOOD: f64 = 1.5;
+const AS_GOOD: f64 = 3.0;
 
 /// Turns that make planes parallel, of which the best is chosen.
 const TURNS: usize = 6;
@@ -40,10 +40,13 @@ impl MatingSearch<'_> {
             let shift = joint.point + turn * (found.pose.translation - joint.point) + along;
             Pose::new(rotation, shift)
         };
+        // As it is turned, or seated there once more.
         let as_good = |pose: &Pose| {
-            let measured = self.measure_with(query, pose);
-            (measured.rank > found.rank - AS_GOOD).then(|| HeldPose {
-                joint: self.contact.joint(pose),
+            let poses = [*pose, self.contact.approach_nearly_right(pose)];
+            let measured = poses.map(|pose| self.measure_with(query, &pose));
+            let good = measured.into_iter().find(|m| m.rank > found.rank - AS_GOOD);
+            good.map(|measured| HeldPose {
+                joint: self.contact.joint(&measured.pose),
                 alike: found.alike.clone(),
                 ..measured
             })

@@ -15,7 +15,7 @@
 //! use pegfit_assemble::{AssemblyRequest, AssemblySearch, LoosePart};
 //! use sdf_grid::{Silent, shapes::PegInHole};
 //!
-//! let (plate, peg) = PegInHole::Combined.pair(1e-4)?;
+//! let (plate, peg) = PegInHole::Rectangular.pair(1e-4)?;
 //! let moved = peg.transformed(DQuat::from_rotation_x(0.7), DVec3::new(0.3, 0.0, 0.0));
 //! let part = |name: &str, mesh| LoosePart { name: name.into(), mesh: Arc::new(mesh) };
 //! let parts = vec![part("plate", plate), part("peg", moved)];

@@ -11,7 +11,9 @@ use crate::error::AssemblyError;
 /// Most parts of a search.
 const MOST_PARTS: usize = 200;
 
-/// A part, anywhere.
+/// A part to be put together with others, wherever it was modelled.
+///
+/// See the example of [`AssemblyRequest`].
 #[derive(Debug, Clone)]
 pub struct LoosePart {
     /// What it is called.
@@ -21,6 +23,32 @@ pub struct LoosePart {
 }
 
 /// Options of an assembly search.
+///
+/// ```
+/// use std::{sync::Arc, time::Duration};
+///
+/// use glam::{DQuat, DVec3};
+/// use pegfit_assemble::{AssemblyRequest, AssemblySearch, LoosePart};
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (plate, peg) = PegInHole::Rectangular.pair(1e-4)?;
+/// let peg = peg.transformed(DQuat::from_rotation_y(0.4), DVec3::X * 0.2);
+/// let part = |name: &str, mesh| LoosePart { name: name.into(), mesh: Arc::new(mesh) };
+/// // The plate's frame is the assembly's; nothing is taken apart.
+/// let request = AssemblyRequest {
+///     fixed: Some(0),
+///     beam: 1,
+///     path_time: Duration::ZERO,
+///     ..AssemblyRequest::default()
+/// };
+/// let parts = vec![part("plate", plate), part("peg", peg)];
+/// let found = AssemblySearch::new(parts, request)?.run(&Silent)?;
+/// let best = &found.assemblies[0];
+/// assert_eq!((found.pairs.len(), found.pairs[0].parts), (1, [0, 1]));
+/// assert_eq!((best.placed.len(), best.mates.len()), (2, 1));
+/// assert!(best.disassembly.is_none() && best.mates[0].overlap < 0.01);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct AssemblyRequest {
     /// The part whose own frame is that of the assembly; by default the largest of each assembly.

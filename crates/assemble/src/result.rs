@@ -4,8 +4,10 @@ use fft_correlate::Pose;
 use fft_correlate::mating::Joint;
 use pegfit_path::DisassemblyResult;
 
-/// Assemblies of some parts, and what it cost to find them. Parts are numbered by their place in the
+/// Assemblies of some parts, and the cost of finding them. A part's number is its place in the
 /// given list.
+///
+/// See the example of [`AssemblyRequest`](crate::AssemblyRequest).
 #[derive(Debug, Clone)]
 pub struct AssemblyResult {
     /// The best first.
@@ -39,6 +41,8 @@ impl AssemblyResult {
 }
 
 /// Two shapes that were docked.
+///
+/// See the example of [`AssemblyRequest`](crate::AssemblyRequest).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PairSummary {
     /// The first part of each; the first one is larger.
@@ -51,7 +55,9 @@ pub struct PairSummary {
     pub seconds: f64,
 }
 
-/// Parts put together.
+/// Parts in the places where they fit together.
+///
+/// See the example of [`AssemblyLink`](crate::AssemblyLink).
 #[derive(Debug, Clone)]
 pub struct Assembly {
     /// Parts in their places, in the order in which they go together.
@@ -70,6 +76,8 @@ pub struct Assembly {
 }
 
 /// A part in its place.
+///
+/// See the example of [`AssemblyLink`](crate::AssemblyLink).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlacedPart {
     /// Which.
@@ -79,6 +87,8 @@ pub struct PlacedPart {
 }
 
 /// Two parts that touch.
+///
+/// See the example of [`AssemblyLink`](crate::AssemblyLink).
 #[derive(Debug, Clone)]
 pub struct Mate {
     /// Their numbers; the first one is larger.

@@ -16,6 +16,8 @@ use crate::shape::Shape;
 use crate::subassembly::{Placed, Subassembly};
 
 /// A search for the assemblies of some parts.
+///
+/// See the example of [`AssemblyRequest`].
 #[derive(Debug)]
 pub struct AssemblySearch {
     parts: Vec<LoosePart>,

@@ -5,7 +5,30 @@ use fft_correlate::mating::{Joint, Travel};
 
 use crate::result::{Assembly, Mate};
 
-/// A placed part and what it hangs from.
+/// A placed part, and the part that it hangs from.
+///
+/// ```
+/// use fft_correlate::{Pose, mating::{Joint, JointKind}};
+/// use glam::DVec3;
+/// use pegfit_assemble::{Assembly, Mate, PlacedPart};
+///
+/// // Part 1 in a hole of part 0, which stands at x = 1 m.
+/// let place = |part, x| PlacedPart { part, pose: Pose::from_translation(DVec3::X * x) };
+/// let joint = Joint { kind: JointKind::Prismatic, axis: DVec3::Z, ..Joint::default() };
+/// let assembly = Assembly {
+///     placed: vec![place(0, 1.0), place(1, 1.5)],
+///     left_over: vec![],
+///     mates: vec![Mate { parts: [0, 1], information: 20.0, area: 1e-4, overlap: 0.0, joint }],
+///     score: 20.0,
+///     shortfall: 0.0,
+///     disassembly: None,
+/// };
+/// let links = assembly.links();
+/// assert_eq!((links[0].parent, links[1].parent), (None, Some(0)));
+/// // In the frame of the part that it hangs from, metres.
+/// assert_eq!(links[1].pose.translation, DVec3::X * 0.5);
+/// assert_eq!(links[1].joint.kind, JointKind::Prismatic);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct AssemblyLink {
     /// Which part.

@@ -7,6 +7,8 @@ use crate::energy::{EnergySource, Scratch};
 use crate::geometry::se3::{Pose, Twist};
 
 /// Options of [`Well::analyse`].
+///
+/// See the example of [`Well`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct WellOptions {
     /// Length over which stiffness is measured, metres: at zero clearance the energy is V-shaped
@@ -25,6 +27,28 @@ pub struct WellOptions {
 
 /// A minimum of the energy and its surroundings. Axes are those of the fixed frame; rotations turn
 /// about the pivot.
+///
+/// ```
+/// use fft_correlate::*;
+/// use glam::DVec3;
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let builder = PairBuilder { spacing: Some(0.004), ..PairBuilder::default() };
+/// let pair = builder.build(&hole, &peg, &ScoreModel::GUIDED, &Silent)?;
+/// let source = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
+/// let well = Well::analyse(&source, &Pose::IDENTITY, &WellOptions {
+///     length: 0.004,
+///     radius: 0.02,
+///     reach: 0.05,
+///     pivot: pair.pivot(),
+///     directions: vec![DVec3::X, DVec3::Z],
+/// })?;
+/// assert!(well.depth > 0.0 && well.translations[0].stiffness > 0.0);
+/// // Shares of the depth: a wall along x, the way out along z.
+/// assert!(well.barriers[0].escape > 1.2 && well.barriers[1].escape < 1.01);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Well {
     /// Where the energy is lowest: position of the moving part's origin, metres.

@@ -7,6 +7,8 @@ use crate::geometry::placement::Placement;
 use crate::geometry::se3::{Pose, Wrench};
 
 /// Energy, its negative gradient, and how far the pose is covered by the source.
+///
+/// See the example of [`DirectEvaluator`](crate::DirectEvaluator).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Response {
     /// `E = -gamma Re f`, joules (eq_6).
@@ -23,6 +25,8 @@ pub struct Response {
 /// What is inside is the source's own business: [`EnergySource::scratch`] puts a value of a type of
 /// its own in, and the source's other methods take it out by that type. The default one is empty,
 /// for a source that needs none.
+///
+/// See the example of [`EnergySource`].
 #[derive(Debug, Default)]
 pub struct Scratch {
     inside: Option<TypedValue>,
@@ -74,13 +78,13 @@ fn refuse<T>(found: Option<&str>) -> ! {
 /// Anything that gives energy and wrench at a pose: a table, a direct evaluator, a sum of several.
 ///
 /// The wrench is minus the gradient of the energy under [`Pose::perturbed`]. `evaluate` allocates
-/// nothing, takes no lock, and returns finite numbers for every valid pose; but for a source that
-/// loads what a pose needs when it is asked ([`crate::WatchedTiles`]), which is no source for a loop
-/// in real time and tells by [`EnergySource::has_failed`] if it could not.
+/// nothing, takes no lock, and returns finite numbers for every valid pose. The exception is a
+/// source that loads what a pose needs when it is asked ([`crate::WatchedTiles`]): it is no source
+/// for a loop in real time, and [`EnergySource::has_failed`] says whether loading has failed.
 ///
-/// A scratch goes to the source that made it. Giving it to another one is a mistake of the caller:
-/// a source whose answer depends on its scratch panics then, naming both types
-/// ([`Scratch::get_mut`]), and one that needs none does not look at it.
+/// Give a scratch only to the source that made it. A source whose answer depends on its scratch
+/// panics on a scratch of another source, naming both types ([`Scratch::get_mut`]); a source that
+/// needs none does not look at it.
 ///
 /// ```
 /// use fft_correlate::{EnergySource, Pose, Response, Scratch};
@@ -160,6 +164,24 @@ impl<S: EnergySource + ?Sized> EnergySource for Arc<S> {
 
 /// A source of the shapes' poses, evaluated at poses of the scene. Wrenches are along the scene's
 /// axes, about the origin of the moving part.
+///
+/// ```
+/// use fft_correlate::*;
+/// use glam::DVec3;
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let builder = PairBuilder { spacing: Some(0.004), ..PairBuilder::default() };
+/// let pair = builder.build(&hole, &peg, &ScoreModel::GUIDED, &Silent)?;
+/// let source = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
+/// // A scene that puts the hole at x = 1 m: there the peg fits.
+/// let at_hole = Pose::from_translation(DVec3::X);
+/// let scene = InScene::new(source, Placement::of_fixed(at_hole));
+/// let fit = scene.source().evaluate(&Pose::IDENTITY, &mut scene.scratch());
+/// assert_eq!(scene.evaluate(&at_hole, &mut scene.scratch()).energy, fit.energy);
+/// assert_eq!(scene.evaluate(&Pose::IDENTITY, &mut scene.scratch()).energy, 0.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct InScene<S> {
     source: S,

@@ -179,8 +179,36 @@ impl<P: NodeEnergies, C> Worker<'_, P, C> {
 
 /// Computes the energies of one rotation at all translations of a window.
 ///
-/// A correlator is one; so is, in tests, a closed form. The same rotation must always give the same
-/// bits, whatever the thread or process.
+/// [`PairEnergies`] does so by correlation; a closed form may, too. The same rotation must always
+/// give the same bits, whatever the thread or process.
+///
+/// ```
+/// use fft_correlate::{NodeEnergies, TranslationWindow};
+/// use glam::DQuat;
+/// use ndarray::{Array3, ArrayViewMut3};
+///
+/// /// A spring of 1000 N/m, whatever the rotation.
+/// struct Spring(TranslationWindow);
+///
+/// impl NodeEnergies for Spring {
+///     type Scratch = ();
+///
+///     fn scratch(&self) {}
+///
+///     fn energies(&self, _: DQuat, _: &mut (), mut out: ArrayViewMut3<'_, f32>) {
+///         for ((i, j, k), energy) in out.indexed_iter_mut() {
+///             *energy = 500.0 * self.0.displacement([i, j, k]).length_squared() as f32;
+///         }
+///     }
+/// }
+///
+/// // `EnergyTable::compute` asks for them like this; here for 1 cm either way.
+/// let window = TranslationWindow::cube(0.01, 0.002)?;
+/// let mut energies = Array3::zeros(window.shape());
+/// Spring(window).energies(DQuat::IDENTITY, &mut (), energies.view_mut());
+/// assert!((energies[[0, 5, 5]] - 0.05).abs() < 1e-6 && energies[[5, 5, 5]] == 0.0);
+/// # Ok::<(), sdf_grid::LatticeError>(())
+/// ```
 pub trait NodeEnergies: Sync {
     /// Working memory of one thread.
     type Scratch: Send;
@@ -228,6 +256,8 @@ pub trait NodeEnergies: Sync {
 }
 
 /// A pair's energies by FFT correlation: its scores, in the unit `-gamma` (eq_6).
+///
+/// See the example of [`EnergyTable`](crate::EnergyTable).
 pub struct PairEnergies {
     correlator: Correlator,
     gamma: f64,

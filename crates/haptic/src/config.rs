@@ -20,6 +20,18 @@ use crate::device::workspace::Workspace;
 /// [limits]
 /// force = 5.0               # N
 /// ```
+///
+/// ```
+/// use haptic::HapticConfig;
+///
+/// let mut config: HapticConfig = toml::from_str("rate_hz = 500.0\n[limits]\nforce = 2.0")?;
+/// assert_eq!((config.period(), config.limits.force), (0.002, 2.0));
+/// // Keys that are left out keep their defaults.
+/// assert!(config.coupling.stiffness == 1000.0 && config.passivity.control);
+/// config.rate_hz = 20.0;
+/// assert_eq!(config.validate().unwrap_err().key, "rate_hz");
+/// # Ok::<(), toml::de::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct HapticConfig {
@@ -56,6 +68,8 @@ pub struct HapticConfig {
 }
 
 /// The virtual coupling, in newtons and metres at the device.
+///
+/// See the example of [`HapticConfig`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CouplingConfig {
@@ -80,6 +94,8 @@ pub struct CouplingConfig {
 }
 
 /// Hard limits; a device's own limits apply as well.
+///
+/// See the example of [`HapticConfig`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LimitConfig {
@@ -98,6 +114,8 @@ pub struct LimitConfig {
 }
 
 /// The passivity observer and controller.
+///
+/// See the example of [`HapticConfig`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PassivityConfig {

@@ -23,6 +23,8 @@ const MOST_PARTS: usize = 1000;
 const MOST_TRIES: usize = 100_000;
 
 /// A part where it lies in the assembly.
+///
+/// See the example of [`DisassemblySearch`].
 #[derive(Debug, Clone)]
 pub struct AssemblyPart {
     /// What it is called.
@@ -33,6 +35,8 @@ pub struct AssemblyPart {
 
 /// The order in which an assembly comes apart, as far as it does. Parts are numbered by their place
 /// in the given list.
+///
+/// See the example of [`DisassemblySearch`].
 #[derive(Debug, Clone)]
 pub struct DisassemblyResult {
     /// What is taken off, one after the other.
@@ -48,6 +52,8 @@ pub struct DisassemblyResult {
 }
 
 /// Parts that come off the rest.
+///
+/// See the example of [`DisassemblySearch`].
 #[derive(Debug, Clone)]
 pub struct DisassemblyStep {
     /// They move as one.
@@ -59,7 +65,9 @@ pub struct DisassemblyStep {
     pub path: PathResult,
 }
 
-/// Parts of which none comes off the others, nor does any group that was tried.
+/// Parts that stay together: no part, and no group that was tried, comes off the others.
+///
+/// See the example of [`DisassemblySearch`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LockedParts {
     /// Which.
@@ -75,7 +83,27 @@ struct Progress<'a> {
     monitor: &'a dyn Monitor,
 }
 
-/// Parts with what distances need.
+/// A search for the order in which the parts of an assembly come apart.
+///
+/// ```
+/// use std::sync::Arc;
+///
+/// use glam::{DQuat, DVec3};
+/// use pegfit_path::{AssemblyPart, DisassemblyRequest, DisassemblySearch};
+/// use sdf_grid::{Silent, shapes};
+///
+/// // A small cube that stands on a plate.
+/// let plate = shapes::plate(0.02, 0.005)?;
+/// let cube = shapes::cuboid(DVec3::splat(0.005))?;
+/// let cube = cube.transformed(DQuat::IDENTITY, DVec3::Z * 0.005);
+/// let part = |name: &str, mesh| AssemblyPart { name: name.into(), mesh: Arc::new(mesh) };
+/// let parts = vec![part("plate", plate), part("cube", cube)];
+/// let found = DisassemblySearch::new(parts, DisassemblyRequest::default())?.run(&Silent)?;
+/// // The cube comes off the plate, and nothing is locked.
+/// assert_eq!((&found.steps[0].parts[..], &found.steps[0].rest[..]), (&[1][..], &[0][..]));
+/// assert!(found.steps[0].path.is_free() && found.locked.is_empty());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct DisassemblySearch {
     parts: Vec<(String, Arc<Solid>)>,
     options: DisassemblyRequest,
@@ -120,8 +148,8 @@ impl DisassemblySearch {
         self.run_from(&mut DisassemblyTries::default(), monitor)
     }
 
-    /// The same, going on from what an earlier disassembly has tried before it was stopped or gave up;
-    /// what this one tries is added, also if it is stopped.
+    /// The same, continued from the tries of an earlier disassembly that was stopped or gave up.
+    /// The tries of this one are added, even if it is stopped.
     ///
     /// # Errors
     /// As [`Self::run`], and if what was tried belongs to another assembly.
@@ -268,6 +296,8 @@ fn choices(count: usize, size: usize) -> usize {
 }
 
 /// Options of a disassembly.
+///
+/// See the example of [`DisassemblyTries`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DisassemblyRequest {
     /// Overlaps up to this depth count as contact, metres; a thousandth of the radius of what is moved
@@ -312,9 +342,32 @@ impl DisassemblyRequest {
     }
 }
 
-/// Parts and groups that were tried, and what came of it: a disassembly that is given them does not try
-/// again what does not come off. It is empty at first, belongs to one assembly, and can be written to
-/// a file.
+/// Parts and groups that were tried and did not come off. A disassembly that is given them does not
+/// try them again, unless it has more time for each. Empty at first, belongs to one assembly, and
+/// can be written to a file.
+///
+/// ```
+/// use std::{sync::Arc, time::Duration};
+///
+/// use glam::{DQuat, DVec3};
+/// use pegfit_path::{AssemblyPart, DisassemblyRequest, DisassemblySearch, DisassemblyTries};
+/// use sdf_grid::{Silent, shapes};
+///
+/// let cube = shapes::cuboid(DVec3::splat(0.005))?;
+/// let parts = [0.0, 0.005].map(|z| AssemblyPart {
+///     name: format!("cube at {z} m"),
+///     mesh: Arc::new(cube.transformed(DQuat::IDENTITY, DVec3::Z * z)),
+/// });
+/// let request =
+///     DisassemblyRequest { time_limit: Duration::from_secs(5), ..DisassemblyRequest::default() };
+/// let mut tries = DisassemblyTries::default();
+/// let search = DisassemblySearch::new(parts.to_vec(), request)?;
+/// let found = search.run_from(&mut tries, &Silent)?;
+/// assert_eq!(found.steps.len(), 1);
+/// // Only what does not come off is kept, so that it is not tried again.
+/// assert_eq!(tries.count(), 0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DisassemblyTries {

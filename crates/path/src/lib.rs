@@ -13,7 +13,7 @@
 //! use pegfit_path::{Outcome, PathRequest, PathSearch};
 //! use sdf_grid::{Silent, shapes::PegInHole};
 //!
-//! let (hole, peg) = PegInHole::Circular.pair(2e-4)?;
+//! let (hole, peg) = PegInHole::Rectangular.pair(2e-4)?;
 //! let search = PathSearch::new(Arc::new(hole), Arc::new(peg), PathRequest::default())?;
 //! let result = search.find(&Pose::IDENTITY, None, &Silent)?;
 //! assert_eq!(result.outcome, Outcome::Free);

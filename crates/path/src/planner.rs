@@ -35,6 +35,8 @@ const PERCENT: u64 = 100;
 const ROOM: f64 = 0.5;
 
 /// A search for insertion paths between two parts.
+///
+/// See the example of [`PathRequest`].
 pub struct PathSearch {
     checker: CollisionChecker,
     exits: ExitDistance,

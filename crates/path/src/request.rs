@@ -7,6 +7,8 @@ use fft_correlate::Pose;
 use crate::error::PathError;
 
 /// Where a path begins.
+///
+/// See the example of [`PathRequest`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Start {
     /// Anywhere beside the fixed part.
@@ -17,6 +19,30 @@ pub enum Start {
 }
 
 /// Options of a path search.
+///
+/// ```
+/// use std::{sync::Arc, time::Duration};
+///
+/// use fft_correlate::Pose;
+/// use glam::DVec3;
+/// use pegfit_path::{PathRequest, PathSearch, Start};
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(2e-4)?;
+/// let above = Pose::from_translation(DVec3::Z * 0.035);
+/// let request = PathRequest {
+///     tolerance: Some(1e-4),
+///     time_limit: Duration::from_secs(10),
+///     start: Start::Pose(above),
+///     others: 0.0,
+///     ..PathRequest::default()
+/// };
+/// let search = PathSearch::new(Arc::new(hole), Arc::new(peg), request)?;
+/// assert_eq!(search.tolerance(), 1e-4);
+/// let result = search.find(&Pose::IDENTITY, None, &Silent)?;
+/// assert_eq!(result.poses[0].pose, above);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PathRequest {
     /// Overlaps up to this depth count as contact, metres; a thousandth of the moving part's radius

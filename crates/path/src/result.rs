@@ -5,8 +5,31 @@ use serde::Serialize;
 
 use crate::motion::describe::Motion;
 
-/// A path from outside (or a given pose) to the goal, with its measures. Poses and motions are those of
-/// the shapes, in the fixed part's own frame.
+/// A path from outside (or a given pose) to the goal, with its measures. Poses and motions are
+/// those of the shapes, in the fixed part's own frame.
+///
+/// ```
+/// use std::sync::Arc;
+///
+/// use fft_correlate::Pose;
+/// use pegfit_path::{Outcome, PathRequest, PathSearch};
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(2e-4)?;
+/// let request = PathRequest { others: 0.0, ..PathRequest::default() };
+/// let search = PathSearch::new(Arc::new(hole), Arc::new(peg), request)?;
+/// let result = search.find(&Pose::IDENTITY, None, &Silent)?;
+/// assert!(result.outcome == Outcome::Free && result.is_free());
+/// // Along the hole, which is 30 mm deep; depths and lengths are metres.
+/// assert!(result.length() > 0.03 && result.deepest().1 <= result.tolerance);
+/// let (first, last) = (result.poses[0], result.poses[result.poses.len() - 1]);
+/// assert!(first.length == 0.0 && last.pose == Pose::IDENTITY);
+/// assert!(result.others.is_empty() && result.effort.points > 1000);
+/// assert!(result.turn() < 0.1 && result.barrier.is_none());
+/// // The way back begins where the parts fit.
+/// assert_eq!(result.reversed().poses[0].pose, Pose::IDENTITY);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct PathResult {
     /// Whether the path is free.
@@ -33,6 +56,8 @@ pub struct PathResult {
 }
 
 /// Whether a part reaches the goal.
+///
+/// See the example of [`PathResult`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Outcome {
     /// At the points of the search the solids never overlap by more than the tolerance; whether denser
@@ -54,6 +79,8 @@ pub enum Outcome {
 }
 
 /// A pose along a path.
+///
+/// See the example of [`PathResult`].
 #[derive(Debug, Clone, Copy)]
 pub struct PathPose {
     /// Of the shapes.
@@ -67,6 +94,8 @@ pub struct PathPose {
 }
 
 /// Another path.
+///
+/// See the example of [`PathResult`].
 #[derive(Debug, Clone)]
 pub struct OtherPath {
     /// Path length of the farthest-going point, metres.
@@ -78,6 +107,8 @@ pub struct OtherPath {
 }
 
 /// Cost of a search.
+///
+/// See the example of [`PathResult`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Effort {
     /// Poses from which directions were tried.
@@ -136,6 +167,27 @@ impl PathResult {
 }
 
 /// The energy barrier of a path: the highest climb.
+///
+/// ```
+/// use std::sync::Arc;
+///
+/// use fft_correlate::{DirectEvaluator, DirectOptions, PairBuilder, Pose, ScoreModel};
+/// use pegfit_path::{PathRequest, PathSearch};
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(2e-4)?;
+/// let builder = PairBuilder { spacing: Some(0.004), ..PairBuilder::default() };
+/// let pair = builder.build(&hole, &peg, &ScoreModel::GUIDED, &Silent)?;
+/// let source = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
+/// let request = PathRequest { others: 0.0, ..PathRequest::default() };
+/// let search = PathSearch::new(Arc::new(hole), Arc::new(peg), request)?;
+/// let result = search.find(&Pose::IDENTITY, Some(&source), &Silent)?;
+/// // The energy falls nearly all the way into the fit: joules, and shares of the depth.
+/// let (barrier, depth) = (result.barrier.expect("energies"), result.depth.expect("energies"));
+/// assert!(depth > 0.0 && (barrier.share - barrier.energy / depth).abs() < 1e-9);
+/// assert!(barrier.share < 0.05 && barrier.top < result.poses.len());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct EnergyBarrier {
     /// From a pose to a later one, joules; 0 if the energy never rises.

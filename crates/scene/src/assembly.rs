@@ -19,6 +19,24 @@ use crate::scene::Scene;
 use crate::setup::scene_setup::SceneSetup;
 
 /// A scene ready to be scored.
+///
+/// ```
+/// use fft_correlate::{DirectOptions, EnergySource};
+/// use pegfit_scene::{Assembly, Scene, SceneSetup};
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let text = "unit = \"mm\"\nfixed = \"hole.obj\"\nmoving = \"peg.obj\"\nlattice.spacing = 4";
+/// let scene = Scene::parse("scene.toml", text)?;
+/// // Solids from anywhere; `Assembly::load` reads those that the scene names.
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let setup = SceneSetup::from_solids(scene, hole, peg, 1 << 30)?;
+/// let assembly = Assembly::new(setup, &Silent)?;
+/// assert_eq!(assembly.pair.spacing(), 0.004);
+/// let source = assembly.source(&DirectOptions::FULL)?;
+/// let response = source.evaluate(&assembly.assembled(), &mut source.scratch());
+/// assert!(response.energy < 0.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Assembly {
     /// The scene and its parts.
@@ -199,6 +217,25 @@ impl Assembly {
 
 /// One degree of freedom through the assembled pose; directions have unit length and are along the
 /// fixed shape's own axes, as displacements of a table are.
+///
+/// ```
+/// use fft_correlate::DirectOptions;
+/// use glam::DVec3;
+/// use pegfit_scene::{Assembly, Motion, Scene, SceneSetup};
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let text = "unit = \"mm\"\nfixed = \"hole.obj\"\nmoving = \"peg.obj\"\nlattice.spacing = 4";
+/// let scene = Scene::parse("scene.toml", text)?;
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let assembly = Assembly::new(SceneSetup::from_solids(scene, hole, peg, 1 << 30)?, &Silent)?;
+/// let source = assembly.direct(&DirectOptions::FULL)?;
+/// // 4 mm out of the hole and 4 mm too deep: the peg is drawn back, newtons along z.
+/// let up = Motion::Translation(DVec3::Z);
+/// let profile = assembly.profile(&source, up, &[0.004, -0.004]);
+/// assert_eq!(profile[0].amount, 0.004);
+/// assert!(profile[0].load < 0.0 && profile[1].load > 0.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Motion {
     /// Along a direction.
@@ -207,7 +244,9 @@ pub enum Motion {
     Rotation(DVec3),
 }
 
-/// A pose on the way and what was evaluated there.
+/// One pose of a profile, with the energy and the load there.
+///
+/// See the example of [`Motion`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProfilePoint {
     /// How far from the fit, metres or radians.

@@ -20,6 +20,21 @@ use crate::setup::parts::{SceneWarning, read_part};
 use crate::setup::scene_setup::{SceneSetup, pair_setup};
 
 /// A scene whose near pairs are in memory.
+///
+/// ```no_run
+/// use std::sync::Arc;
+///
+/// use pegfit_scene::{Assembly, LivePairs, Scene, SceneSetup};
+/// use sdf_grid::{Monitor, Silent};
+///
+/// let scene = Scene::read("scene.toml")?;
+/// let first = scene.clone().only(Some(&scene.fixed.name))?;
+/// let assembly = Assembly::near_fit(SceneSetup::read(first, 4 << 30)?, &Silent)?;
+/// let monitor: Arc<dyn Monitor + Send> = Arc::new(Silent);
+/// let pairs = LivePairs::start(&scene, assembly, None, &monitor)?;
+/// assert_eq!(pairs.live.states().len(), pairs.names.len());
+/// # Ok::<(), pegfit_scene::SceneError>(())
+/// ```
 pub struct LivePairs {
     /// The pair of the first fixed part, which decides the energy scale and where the fit is.
     pub assembly: Assembly,

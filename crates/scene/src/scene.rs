@@ -12,6 +12,30 @@ use sdf_grid::mesh_io::ReadOptions;
 use crate::error::SceneError;
 
 /// A scene whose every value has been checked. Lengths are metres.
+///
+/// ```
+/// use fft_correlate::{LatticeStep, Pose};
+/// use pegfit_scene::Scene;
+///
+/// let text = r#"
+///     unit = "mm"
+///     fixed = "hole.stl"
+///     moving = "peg.stl"
+///     lattice.spacing = 0.5
+///     window.half_extent = [10, 10, 15]
+/// "#;
+/// let scene = Scene::parse("scenes/peg.toml", text)?;
+/// // Lengths are metres; meshes are looked for beside the scene.
+/// assert_eq!(scene.window.half_extent.expect("given").z, 0.015);
+/// assert!(scene.fixed.meshes[0].path.ends_with("scenes/hole.stl"));
+/// assert_eq!(scene.lattice.step, LatticeStep::Spacing(0.0005));
+/// // Unless a scene says otherwise, parts fit where they were modelled, and the program itself
+/// // decides how much memory it uses.
+/// assert_eq!((scene.fit.assembled, scene.loading.memory), (Pose::IDENTITY, None));
+/// let error = Scene::parse("scenes/peg.toml", "unit = \"mm\"").unwrap_err();
+/// assert!(error.to_string().contains("scenes/peg.toml"));
+/// # Ok::<(), pegfit_scene::SceneError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Scene {
     /// The file it was read from.
@@ -47,6 +71,8 @@ pub struct Scene {
 }
 
 /// One part of a scene: a mesh, or several that move or stay together.
+///
+/// See the example of [`Scene`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
     /// What to call it in reports.
@@ -60,6 +86,8 @@ pub struct Part {
 }
 
 /// A mesh file of a part.
+///
+/// See the example of [`Scene`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlacedMesh {
     /// The file.
@@ -84,7 +112,9 @@ impl PlacedMesh {
     }
 }
 
-/// What is kept in memory while the loop runs.
+/// Which pairs are kept in memory while the loop runs.
+///
+/// See the example of [`Scene`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Loading {
     /// Bytes that loaded pairs may take together; what the program may use if absent.
@@ -99,6 +129,8 @@ pub struct Loading {
 }
 
 /// How finely the densities are computed.
+///
+/// See the example of [`Scene`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LatticeChoice {
     /// The lattice step.
@@ -110,6 +142,8 @@ pub struct LatticeChoice {
 }
 
 /// A box of displacements of the moving part.
+///
+/// See the example of [`Scene`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WindowChoice {
     /// Middle of the box, metres.
@@ -119,6 +153,8 @@ pub struct WindowChoice {
 }
 
 /// Where the parts fit, and the straight insertion path.
+///
+/// See the example of [`Scene`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FitChoice {
     /// Pose of the moving part when assembled.

@@ -35,6 +35,26 @@ use crate::vectors;
 
 /// Scores one pair over one window; shared by all threads. In `f32`, or in `f64` for verification
 /// ([`Correlator::build_double`]).
+///
+/// ```
+/// use fft_correlate::{Correlator, PairBuilder, ScoreModel, TranslationWindow, top_peaks};
+/// use glam::{DQuat, DVec3};
+/// use ndarray::Array3;
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let builder = PairBuilder { spacing: Some(0.004), ..PairBuilder::default() };
+/// let pair = builder.build(&hole, &peg, &ScoreModel::GUIDED, &Silent)?;
+/// let window = TranslationWindow::cube(0.008, 0.004)?;
+/// let correlator = Correlator::new(&pair, &window)?;
+/// let mut scores = Array3::zeros(window.shape());
+/// correlator.score(DQuat::IDENTITY, &mut correlator.scratch(), scores.view_mut());
+/// pair.add_contact(DQuat::IDENTITY, &window, scores.view_mut());
+/// // Of the 125 displacements, zero scores best.
+/// let best = top_peaks(scores.view(), 1, 1.0)[0];
+/// assert_eq!(window.displacement(best.index), DVec3::ZERO);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Correlator<T: Real = f32> {
     plan: CorrelatorPlan,
     /// None where nothing meets in the window.

@@ -17,9 +17,9 @@
 //! meet the other inside the window, and the transforms have the shortest good length at which
 //! nothing wraps into the window.
 //!
-//! From plan to run: [`PairSupport`], [`CorrelatorPlan`], [`Correlator`]. A correlator enters the
-//! kernels through two function pointers (`KernelEntries` in `correlator.rs`), so that crates that
-//! name a `Correlator<T>` do not compile the kernels again.
+//! From plan to run: [`PairSupport`], [`CorrelatorPlan`], [`crate::Correlator`]. A correlator enters
+//! the kernels through two function pointers (`KernelEntries` in `correlator.rs`), so that crates
+//! that name a `Correlator<T>` do not compile the kernels again.
 
 mod contract;
 pub(crate) mod correlator;

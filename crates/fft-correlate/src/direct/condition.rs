@@ -18,6 +18,22 @@ use crate::pair::fields::Pair;
 use crate::pair::interpolation::Interpolation;
 
 /// A score and the sum of the absolute values of its terms.
+///
+/// ```
+/// use fft_correlate::*;
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let builder = PairBuilder { spacing: Some(0.004), ..PairBuilder::default() };
+/// let pair = builder.build(&hole, &peg, &ScoreModel::GUIDED, &Silent)?;
+/// let condition = Condition::at(&pair, &Pose::IDENTITY);
+/// assert!(condition.number() >= 1.0 && condition.magnitude >= condition.score);
+/// // The evaluator sums the same terms: cubic metres times joules per cubic metre.
+/// let source = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
+/// let energy = source.evaluate(&Pose::IDENTITY, &mut source.scratch()).energy;
+/// assert!((energy + pair.model().gamma * condition.score).abs() < 1e-4 * energy.abs());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Condition {
     /// `Re f(T)`, cubic metres (eq_5), summed in double precision.
@@ -39,7 +55,7 @@ impl Condition {
     }
 
     /// The score and the magnitude of `pair` at `pose`, cell by cell in double precision: a
-    /// reference, some hundred times slower than [`super::DirectEvaluator`]. Not-a-number densities
+    /// reference, some hundred times slower than [`crate::DirectEvaluator`]. Not-a-number densities
     /// give not-a-number sums.
     pub fn at(pair: &Pair, pose: &Pose) -> Self {
         let inverse = pose.inverse();

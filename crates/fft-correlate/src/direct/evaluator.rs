@@ -26,6 +26,20 @@ use crate::pair::fields::Pair;
 use crate::vectors;
 
 /// How many points a [`DirectEvaluator`] uses.
+///
+/// ```
+/// use fft_correlate::{DirectEvaluator, DirectOptions, PairBuilder, ScoreModel};
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let builder = PairBuilder { spacing: Some(0.003), ..PairBuilder::default() };
+/// let pair = builder.build(&hole, &peg, &ScoreModel::GUIDED, &Silent)?;
+/// let full = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
+/// let options = DirectOptions { max_points: Some(1000), ..DirectOptions::REAL_TIME };
+/// let fast = DirectEvaluator::new(&pair, &options)?;
+/// assert!(full.describe().points() > 1000 && fast.describe().points() <= 1000);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DirectOptions {
     /// Blocks of cells merge into one point where the density varies by no more than this within
@@ -161,6 +175,23 @@ impl std::fmt::Display for DirectDescription {
 }
 
 /// Energy, wrench and score of a pair at any pose, by quadrature.
+///
+/// ```
+/// use fft_correlate::*;
+/// use glam::DVec3;
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let builder = PairBuilder { spacing: Some(0.004), ..PairBuilder::default() };
+/// let pair = builder.build(&hole, &peg, &ScoreModel::GUIDED, &Silent)?;
+/// let source = DirectEvaluator::new(&pair, &DirectOptions::FULL)?;
+/// let at = |z| source.evaluate_full(&Pose::from_translation(DVec3::new(0.0, 0.0, z))).response;
+/// // The force is minus the slope of the energy.
+/// let slope = (at(0.00501).energy - at(0.00499).energy) / 2e-5;
+/// let force = at(0.005).wrench.force.z;
+/// assert!(force < 0.0 && (force + slope).abs() < 1e-3 * slope.abs());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct DirectEvaluator {
     products: Vec<Product>,
     contact: Option<Contact>,

@@ -72,11 +72,32 @@ impl From<EnergyScaleError> for TileError {
     }
 }
 
-/// Energy and wrench of two parts at any pose by direct quadrature. Of a large part beside a small one
-/// only the surroundings of the poses are computed, when these are asked for.
+/// Energy and wrench of two parts at any pose by direct quadrature. If one part is small beside the
+/// other, only the surroundings of the poses are computed, when these are asked for.
 ///
-/// It may be shared by threads. No tile is loaded twice at once: who needs one that is being loaded
-/// waits for it.
+/// Threads may share it. No tile is loaded twice at once: a thread that needs a tile which another
+/// thread is loading waits for it.
+///
+/// ```
+/// use std::sync::Arc;
+///
+/// use fft_correlate::*;
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let setup = PairSetup {
+///     builder: PairBuilder { spacing: Some(0.004), ..PairBuilder::default() },
+///     ..PairSetup::new(Arc::new(hole), Arc::new(peg))
+/// };
+/// let tiles = TiledEvaluator::new(&setup, &DirectOptions::FULL, &Silent)?;
+/// let response = tiles.response(&Pose::IDENTITY, &mut tiles.scratch(), &Silent)?;
+/// assert!(response.energy < 0.0 && tiles.is_loaded(&Pose::IDENTITY));
+/// // As an energy source, it keeps the error if loading fails.
+/// let source = tiles.watched(&Silent);
+/// assert_eq!(source.evaluate(&Pose::IDENTITY, &mut source.scratch()), response);
+/// assert!(source.failure().is_none());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct TiledEvaluator {
     content: Content,
     /// Spent on what it has from the start.
@@ -285,7 +306,9 @@ impl Monitor for Quiet<'_> {
     }
 }
 
-/// A [`TiledEvaluator`] as a source of energies, which remembers why an answer could not be had.
+/// A [`TiledEvaluator`] as an energy source, which remembers why a pose could not be loaded.
+///
+/// See the example of [`TiledEvaluator`].
 pub struct WatchedTiles<'a> {
     tiles: &'a TiledEvaluator,
     monitor: Quiet<'a>,

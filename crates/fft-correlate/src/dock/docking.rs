@@ -41,7 +41,7 @@ pub const CONVINCING: f64 = 8.0;
 const ENERGY_SPACING: f64 = 1.7;
 const ENERGY_BYTES: u64 = 1 << 29;
 
-/// The options of a docking run.
+/// The options of a docking run. See the example of [`dock`](crate::dock).
 #[derive(Debug, Clone, PartialEq)]
 pub struct DockingRequest {
     /// Distinct poses to return, at most.
@@ -69,7 +69,7 @@ pub struct DockingRequest {
     pub contact_only: bool,
 }
 
-/// What ranks poses.
+/// The quantity that ranks poses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Ranking {
     /// How contact holds the part ([`crate::mating`]). Poses come from planes and axes of both
@@ -98,7 +98,7 @@ impl Default for DockingRequest {
     }
 }
 
-/// What docking found and what it cost.
+/// What docking found, and its cost. See the example of [`dock`](crate::dock).
 #[derive(Debug)]
 pub struct DockingResult {
     /// Distinct poses, the best first.
@@ -158,7 +158,7 @@ impl DockingResult {
     }
 }
 
-/// A search for the poses in which two parts fit.
+/// A search for the poses in which two parts fit. See the example of [`dock`](crate::dock).
 ///
 /// The fixed part is turned so that it fills its box along the axes: lattices and transforms become
 /// smaller. With a box of displacements in the setup it keeps its own frame. The moving part is not
@@ -737,7 +737,7 @@ impl PoseEnergies {
     };
 }
 
-/// One pose found.
+/// One pose found. See the example of [`dock`](crate::dock).
 #[derive(Debug, Clone, PartialEq)]
 pub struct DockingPose {
     /// Pose in the fixed part's own frame, and energy under the docking weights, NaN if there are no

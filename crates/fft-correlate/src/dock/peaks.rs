@@ -17,6 +17,19 @@ use crate::pair::fields::Pair;
 use crate::sweep::{Consumer, Group, Member, PairEnergies, sweep};
 
 /// A local maximum of a score over a translation window.
+///
+/// ```
+/// use fft_correlate::top_peaks;
+/// use ndarray::Array3;
+///
+/// let mut scores = Array3::zeros([8; 3]);
+/// scores[[1, 1, 1]] = 2.0;
+/// scores[[6, 6, 6]] = 3.0;
+/// scores[[6, 6, 5]] = 2.5; // beside the highest
+/// let peaks = top_peaks(scores.view(), 2, 2.0);
+/// assert_eq!((peaks[0].index, peaks[0].score), ([6, 6, 6], 3.0));
+/// assert_eq!((peaks[1].index, peaks[1].score), ([1, 1, 1], 2.0));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Peak {
     /// Node of the window.

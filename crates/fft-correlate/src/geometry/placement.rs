@@ -10,6 +10,20 @@ use crate::geometry::se3::{Pose, Wrench};
 /// A pose in the scene moves the moving part from where it is placed. A pose of the shapes is what
 /// fields, tables and direct evaluation know: it maps the moving shape's own frame to the fixed
 /// shape's own frame (`docs/conventions.md`, frames).
+///
+/// ```
+/// use fft_correlate::{Placement, Pose};
+/// use glam::DVec3;
+///
+/// let placement = Placement {
+///     fixed: Pose::from_translation(DVec3::X),
+///     moving: Pose::from_translation(DVec3::Z),
+/// };
+/// // Where the moving part is placed, as the fixed shape sees it.
+/// let shapes = placement.to_shapes(&Pose::IDENTITY);
+/// assert_eq!(shapes.translation, DVec3::new(-1.0, 0.0, 1.0));
+/// assert_eq!(placement.to_scene(&shapes).translation, DVec3::ZERO);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Placement {

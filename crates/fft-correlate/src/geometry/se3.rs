@@ -6,6 +6,20 @@ use glam::{DQuat, DVec3};
 
 /// A rigid motion `p -> rotation * p + translation` from the moving part's frame to the fixed
 /// part's frame.
+///
+/// ```
+/// use std::f64::consts::FRAC_PI_2;
+///
+/// use fft_correlate::Pose;
+/// use glam::{DQuat, DVec3};
+///
+/// // A quarter turn about z, then 1 cm up.
+/// let pose = Pose::new(DQuat::from_rotation_z(FRAC_PI_2), DVec3::new(0.0, 0.0, 0.01));
+/// assert!((pose.apply(DVec3::X) - DVec3::new(0.0, 1.0, 0.01)).length() < 1e-12);
+/// assert!((pose.angle_to(&Pose::IDENTITY) - FRAC_PI_2).abs() < 1e-12);
+/// let back = pose.inverse() * pose;
+/// assert!(back.translation.length() < 1e-12);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
     /// Unit quaternion, stored and printed `x, y, z, w`.
@@ -15,6 +29,18 @@ pub struct Pose {
 }
 
 /// An infinitesimal motion in the fixed frame, angular part first.
+///
+/// ```
+/// use fft_correlate::{Pose, Twist};
+/// use glam::DVec3;
+///
+/// let twist = Twist { angular: DVec3::Z * 0.1, linear: DVec3::X * 0.002 };
+/// let pose = Pose::from_translation(DVec3::Y).perturbed(&twist);
+/// // Turned about its own origin, which moves by the linear part only.
+/// assert_eq!(pose.translation, DVec3::new(0.002, 1.0, 0.0));
+/// let found = Pose::from_translation(DVec3::Y).twist_to(&pose);
+/// assert!((found.angular - twist.angular).length() < 1e-12);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Twist {
     /// Radians (or rad/s).
@@ -25,6 +51,18 @@ pub struct Twist {
 
 /// A torque and force on the moving part in the fixed frame, angular part first as the paper's
 /// (T, F).
+///
+/// ```
+/// use fft_correlate::{Twist, Wrench};
+/// use glam::DVec3;
+///
+/// let load = Wrench { force: DVec3::Z * 5.0, ..Wrench::ZERO };
+/// // 5 N with a lever of 0.1 m.
+/// assert!((load.about(DVec3::X * 0.1).torque - DVec3::Y * 0.5).length() < 1e-12);
+/// // Lifted by 1 cm it does 0.05 J of work.
+/// let lifted = Twist { angular: DVec3::ZERO, linear: DVec3::Z * 0.01 };
+/// assert!((load.dot(&lifted) - 0.05).abs() < 1e-12);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Wrench {
     /// About the moving part's origin, newton metres.

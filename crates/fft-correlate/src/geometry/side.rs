@@ -5,6 +5,13 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 /// One of the two parts of a pair.
+///
+/// ```
+/// use fft_correlate::Side;
+///
+/// assert_eq!(Side::Fixed.other(), Side::Moving);
+/// assert_eq!(Side::Moving.to_string(), "moving");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Side {

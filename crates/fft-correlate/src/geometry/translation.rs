@@ -5,6 +5,18 @@ use sdf_grid::{Lattice, LatticeError};
 
 /// A box of pivot displacements in the fixed frame: the lattice nodes are integer multiples of the
 /// spacing, so zero displacement is a node of every window that contains it.
+///
+/// ```
+/// use fft_correlate::TranslationWindow;
+/// use glam::DVec3;
+///
+/// // 4.5 mm is rounded outwards to 5 mm either way.
+/// let window = TranslationWindow::cube(0.0045, 0.001)?;
+/// assert_eq!(window.shape(), [11; 3]);
+/// assert_eq!(window.displacement([5, 5, 5]), DVec3::ZERO);
+/// assert!((window.displacement([0, 5, 5]).x + 0.005).abs() < 1e-12);
+/// # Ok::<(), sdf_grid::LatticeError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TranslationWindow {
     lattice: Lattice,

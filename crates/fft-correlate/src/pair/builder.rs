@@ -27,6 +27,22 @@ const SMOOTHING: f64 = 0.7;
 const DEFAULT_CELLS: f64 = 24.0;
 
 /// How two meshes become a pair; `None` picks the documented default.
+///
+/// ```
+/// use fft_correlate::{PairBuildError, PairBuilder, ScoreModel};
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let builder = PairBuilder { spacing: Some(0.004), ..PairBuilder::default() };
+/// // The plan says what the pair needs; `build` computes it.
+/// let plan = builder.plan(&hole, &peg, &ScoreModel::GUIDED)?;
+/// let pair = builder.build(&hole, &peg, &ScoreModel::GUIDED, &Silent)?;
+/// assert_eq!((plan.spacing(), pair.spacing()), (0.004, 0.004));
+/// let small = PairBuilder { memory_limit: Some(plan.bytes - 1), ..builder };
+/// let refused = small.plan(&hole, &peg, &ScoreModel::GUIDED);
+/// assert!(matches!(refused, Err(PairBuildError::Memory { .. })));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PairBuilder {
     /// Lattice spacing of both parts, metres; default [`default_spacing`].

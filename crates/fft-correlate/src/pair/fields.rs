@@ -21,6 +21,21 @@ use crate::pair::model::{ModelError, PairProvenance, ScoreModel};
 /// `A1 * B1 + A2 * B2` with `A1 = l1 O1 + l2 I1`, `B1 = l2 I2`, `A2 = w l1 O1 + l2 I1`,
 /// `B2 = l1 O2`; for separation weight `w = 1` they merge into one, for `w = 0` every product has
 /// an interior factor and the integral runs over the two solids only.
+///
+/// ```
+/// use fft_correlate::{PairBuilder, ScoreModel};
+/// use glam::{DQuat, DVec3};
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let builder = PairBuilder { spacing: Some(0.004), ..PairBuilder::default() };
+/// let pair = builder.build(&hole, &peg, &ScoreModel::GUIDED, &Silent)?;
+/// assert!(pair.is_whole() && pair.nodes().computed == pair.nodes().whole);
+/// // A turn, and the pivot 3 mm higher than in the fit.
+/// let pose = pair.pose(DQuat::from_rotation_x(0.5), DVec3::Z * 0.003);
+/// assert!((pair.displacement(&pose) - DVec3::Z * 0.003).length() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Pair {
     fixed: Arc<DensityField>,
@@ -52,6 +67,8 @@ pub(crate) struct Partial {
 }
 
 /// Nodes of both parts' lattices.
+///
+/// See the example of [`Pair`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct FieldNodes {
     /// Those that were computed, or found in a cache: what is in reach.

@@ -6,6 +6,16 @@ use serde::{Deserialize, Serialize};
 
 /// Weights of the score and the scale of the energy (eq_2, eq_6 and the separation weight of
 /// `docs/conventions.md`).
+///
+/// ```
+/// use fft_correlate::ScoreModel;
+///
+/// // The guided model with 20 mJ per cubic centimetre of score.
+/// let model = ScoreModel { gamma: 2e4, ..ScoreModel::GUIDED };
+/// assert!(model.validate().is_ok());
+/// let error = ScoreModel { sigma: 0.9, ..model }.validate().unwrap_err();
+/// assert_eq!((error.name, error.found), ("sigma", 0.9));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ScoreModel {
     /// Kernel thickness, dimensionless, 0.03 ..= 0.5.
@@ -106,6 +116,22 @@ impl Default for ScoreModel {
 /// Everything that a pair's energies depend on: two pairs of one provenance have the same energies.
 ///
 /// Tables and docking states keep it; [`sdf_grid::provenance::difference`] says in what two differ.
+///
+/// ```
+/// use fft_correlate::{PairBuilder, ScoreModel};
+/// use sdf_grid::{provenance::difference, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let of = |spacing| {
+///     let builder = PairBuilder { spacing: Some(spacing), ..PairBuilder::default() };
+///     let plan = builder.plan(&hole, &peg, &ScoreModel::GUIDED)?;
+///     Ok::<_, fft_correlate::PairBuildError>(plan.provenance(&hole, &peg))
+/// };
+/// assert!(difference(&of(0.004)?, &of(0.004)?).is_none());
+/// let found = difference(&of(0.004)?, &of(0.002)?).expect("another lattice");
+/// assert!(found.key.starts_with("fixed."));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PairProvenance {

@@ -16,6 +16,25 @@ use crate::pair::model::ScoreModel;
 
 /// Two parts, each in its own frame, and the options of their pair. All but the placement refers to
 /// the shapes ([`Placement::to_shapes`]), wherever a scene puts them.
+///
+/// ```
+/// use std::sync::Arc;
+///
+/// use fft_correlate::{EnergyScale, PairBuilder, PairSetup};
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let setup = PairSetup {
+///     builder: PairBuilder { spacing: Some(0.004), ..PairBuilder::default() },
+///     energy: EnergyScale::PeakForce(5.0),
+///     ..PairSetup::new(Arc::new(hole), Arc::new(peg))
+/// };
+/// // Half the peg's 30 mm either way.
+/// assert!((setup.reach().x - 0.015).abs() < 1e-12);
+/// let pair = setup.load(&Silent)?;
+/// assert_eq!(pair.model().gamma, setup.gamma()?);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct PairSetup {
     /// The part that stays.
@@ -220,8 +239,21 @@ impl PairSetup {
 /// From this share of a pair on, all of it is computed for a table.
 const MOST_OF_IT: f64 = 0.8;
 
-/// What fixes the energy scale gamma of a pair: the shapes and the model alone, never where the parts
-/// lie.
+/// The number that fixes the energy scale gamma of a pair. Gamma follows from it, the shapes and
+/// the model; it never depends on where the parts lie.
+///
+/// ```
+/// use fft_correlate::{EnergyScale, ScoreModel};
+/// use sdf_grid::shapes::PegInHole;
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let of = |scale: EnergyScale| scale.gamma(&ScoreModel::GUIDED, &hole, &peg);
+/// assert_eq!(of(EnergyScale::Gamma(2e4))?, 2e4);
+/// // Twice the force needs twice the energy per score.
+/// let [once, twice] = [EnergyScale::PeakForce(5.0), EnergyScale::PeakForce(10.0)].map(of);
+/// assert!((twice? / once? - 2.0).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum EnergyScale {
     /// Joules per cubic metre.
@@ -248,7 +280,7 @@ pub enum EnergyScaleError {
 impl EnergyScale {
     /// Gamma of two parts, joules per cubic metre: of a peak force `P` it is
     /// `P / (c min(A_f, A_m))`, with `c` the slope of the contact energy per area
-    /// (`docs/conventions.md`, contact slope) and `A` the [pressing area](pressing_area) of each part.
+    /// (`docs/conventions.md`, contact slope) and `A` the pressing area of each part.
     ///
     /// # Errors
     /// If the peak force is not positive and finite, or the model's sigma is out of range.
@@ -314,6 +346,18 @@ fn pressing_area(part: &TriangleMesh) -> f64 {
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 
 /// The distance between the nodes of both parts' lattices.
+///
+/// ```
+/// use fft_correlate::LatticeStep;
+/// use sdf_grid::shapes::PegInHole;
+///
+/// // 40 steps along the 40 mm of the block.
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let spacing = LatticeStep::Points(40).spacing(&hole, &peg);
+/// assert!((spacing.expect("stated") - 0.001).abs() < 1e-12);
+/// assert_eq!(LatticeStep::Automatic.spacing(&hole, &peg), None);
+/// # Ok::<(), sdf_grid::MeshError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum LatticeStep {
     /// Metres.

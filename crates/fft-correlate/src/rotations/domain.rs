@@ -9,6 +9,21 @@ use crate::geometry::side::Side;
 
 /// A set of rotations, as written in a scene file. Angles are degrees, quaternions `x, y, z, w`;
 /// all rotations map the moving part's axes to the fixed part's.
+///
+/// ```
+/// use fft_correlate::{RotationDomain, RotationGrid};
+///
+/// let spin = RotationDomain::Spin {
+///     center: [0.0, 0.0, 0.0, 1.0],
+///     axis: [0.0, 0.0, 1.0],
+///     range_deg: None, // the full turn
+///     step_deg: 30.0,
+/// };
+/// assert_eq!(RotationGrid::new(&spin, None)?.nodes().len(), 12);
+/// // Angles are degrees, 0 < step <= 30.
+/// assert!(RotationGrid::new(&RotationDomain::ball(20.0, 60.0), None).is_err());
+/// # Ok::<(), fft_correlate::RotationError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum RotationDomain {
@@ -64,6 +79,22 @@ fn list_margin() -> f64 {
 
 /// A part that looks the same after a turn about an axis. Poses that differ by such turns have one
 /// energy, so only one of them needs nodes.
+///
+/// ```
+/// use fft_correlate::{AxisSymmetry, RotationDomain, RotationGrid, Side};
+///
+/// // A round peg: every turn about z looks the same.
+/// let round = AxisSymmetry {
+///     part: Side::Moving,
+///     axis: [0.0, 0.0, 1.0],
+///     point: [0.0; 3],
+///     order: 0,
+/// };
+/// let all = RotationGrid::new(&RotationDomain::full(15.0), None)?.nodes().len();
+/// let few = RotationGrid::new(&RotationDomain::full(15.0), Some(&round))?.nodes().len();
+/// assert!(few < all / 10);
+/// # Ok::<(), fft_correlate::RotationError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AxisSymmetry {

@@ -20,6 +20,18 @@ use crate::rotations::domain::{AxisSymmetry, RotationDomain, RotationError, quat
 use crate::rotations::symmetry::{Fold, Symmetry};
 
 /// Nodes over a rotation domain, in the order of a table's rows.
+///
+/// ```
+/// use fft_correlate::{RotationDomain, RotationGrid};
+/// use glam::DQuat;
+///
+/// let grid = RotationGrid::new(&RotationDomain::ball(10.0, 5.0), None)?;
+/// assert!(grid.step() <= 5f64.to_radians());
+/// // The middle of the ball is a node.
+/// let nearest = |q: DQuat| grid.nodes().iter().map(|n| n.angle_between(q)).fold(9.0, f64::min);
+/// assert!(nearest(DQuat::IDENTITY) < 1e-6);
+/// # Ok::<(), fft_correlate::RotationError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct RotationGrid {
     atlas: Atlas,

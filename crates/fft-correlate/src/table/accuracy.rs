@@ -15,6 +15,31 @@ use crate::table::energy_table::EnergyTable;
 use crate::table::spec::TableSpec;
 
 /// Differences between a table and another energy source over random poses of the table's domain.
+///
+/// ```
+/// use std::sync::Arc;
+///
+/// use fft_correlate::*;
+/// use glam::DVec3;
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let setup = PairSetup {
+///     builder: PairBuilder { spacing: Some(0.004), ..PairBuilder::default() },
+///     half_extent: Some(DVec3::splat(0.012)),
+///     ..PairSetup::new(Arc::new(hole), Arc::new(peg))
+/// };
+/// let plan = TablePlan::new(&setup, setup.load(&Silent)?, RotationDomain::ball(4.0, 2.0))?;
+/// let energies = plan.energies(1 << 30)?;
+/// let table = EnergyTable::compute(plan.spec.clone(), &energies, 1 << 30, &Silent)?;
+/// let truth = DirectEvaluator::new(&plan.pair, &DirectOptions::FULL)?;
+/// let report = measure_error(&table, &truth, 50, 1);
+/// assert!(report.poses == 50 && report.energy.relative() < 0.1);
+/// // Errors at other poses do not exceed it by half.
+/// let excess = report.exceeded_by(&measure_error(&table, &truth, 50, 2), 0.5);
+/// assert!(excess.is_empty(), "{excess:?}");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ErrorReport {
@@ -22,7 +47,8 @@ pub struct ErrorReport {
     pub poses: usize,
     /// Seed of the poses.
     pub seed: u64,
-    /// Lattice spacing of the reference's densities, metres; 0 where there are none. Half the table's own shows what the lattice costs, too; the table's own does not.
+    /// Lattice spacing of the reference's densities, metres; 0 if it has none. If it is half the
+    /// table's, the errors include those of the table's lattice; if it is the same, they do not.
     #[serde(default)]
     pub reference_spacing: f64,
     /// Median condition number of the score over the first of the poses
@@ -54,6 +80,8 @@ pub struct Errors {
 }
 
 /// A statistic of a fresh measurement that is outside what was claimed.
+///
+/// See the example of [`ErrorReport`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Excess {
     /// `energy`, `force` or `torque`.

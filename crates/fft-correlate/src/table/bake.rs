@@ -20,6 +20,29 @@ use crate::table::store::files::TableFiles;
 use crate::table::store::table_store::{ChunkState, TableStore};
 
 /// One process's part of a bake.
+///
+/// ```
+/// use fft_correlate::*;
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let builder = PairBuilder { spacing: Some(0.004), ..PairBuilder::default() };
+/// let pair = builder.build(&hole, &peg, &ScoreModel::GUIDED, &Silent)?;
+/// let window = TranslationWindow::cube(0.008, 0.004)?;
+/// let rotations = vec![[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.6, 0.8]];
+/// let rotations = RotationDomain::List { rotations, margin_deg: 5.0 };
+/// let spec = TableSpec::for_pair(&pair, &window, rotations);
+/// let energies = PairEnergies::plan(&pair, &window)?;
+/// # let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("peg.zarr");
+/// // Two processes, here one after the other.
+/// for rank in 0..2 {
+///     let share = Share { rank, size: 2, resume: true };
+///     let result = bake(&path, &spec, &energies, share, &Silent)?;
+///     assert_eq!((result.rotations, result.computed, result.kept), (2, 1, 0));
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Share {
     /// This process, 0 .. size.
@@ -40,6 +63,8 @@ impl Share {
 }
 
 /// What a bake did.
+///
+/// See the example of [`Share`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct BakeResult {
     /// Rotation nodes of the whole table.

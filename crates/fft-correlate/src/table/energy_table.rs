@@ -24,6 +24,23 @@ use crate::table::stencil::{RotationTap, Stencil, value_of};
 /// An energy source that interpolates stored energies; forces and torques are the exact gradient of
 /// the interpolated energy, so its field is conservative. Poses are those of the shapes, each in
 /// its own frame; [`EnergyTable::in_scene`] answers for a scene.
+///
+/// ```
+/// use fft_correlate::*;
+/// use glam::{DQuat, DVec3};
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let builder = PairBuilder { spacing: Some(0.004), ..PairBuilder::default() };
+/// let pair = builder.build(&hole, &peg, &ScoreModel::GUIDED, &Silent)?;
+/// let window = TranslationWindow::cube(0.008, 0.004)?;
+/// let spec = TableSpec::for_pair(&pair, &window, RotationDomain::single(DQuat::IDENTITY));
+/// let table = EnergyTable::compute(spec, &PairEnergies::plan(&pair, &window)?, 1 << 20, &Silent)?;
+/// // 3 mm out of the fit: drawn back in.
+/// let response = table.respond(&Pose::from_translation(DVec3::Z * 0.003));
+/// assert!(response.coverage == 1.0 && response.wrench.force.z < 0.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct EnergyTable {
     plan: Arc<Plan>,

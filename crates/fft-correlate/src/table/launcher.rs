@@ -1,6 +1,18 @@
 //! The share of a batch that this process has, as the scheduler or MPI launcher states it.
 
 /// A process's place among those that work on one batch.
+///
+/// ```no_run
+/// use fft_correlate::{Launcher, Share};
+///
+/// // The share of a task of Slurm or MPI, or all of it.
+/// let share = match Launcher::from_env(None)? {
+///     Some(Launcher { rank, size, .. }) => Share { rank, size, resume: true },
+///     None => Share::ALL,
+/// };
+/// assert!(share.rank < share.size);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Launcher {
     /// This process, 0 .. size.

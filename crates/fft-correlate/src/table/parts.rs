@@ -18,6 +18,8 @@ use crate::table::store::table_store::TableStore;
 ///
 /// Nothing is left out of a node that is in memory, so [`PartialTable::node_bytes`] may be more
 /// than its share of [`TableStore::load`]'s table.
+///
+/// See the example of [`TableStore`].
 #[derive(Debug)]
 pub struct PartialTable {
     store: TableStore,

@@ -21,6 +21,27 @@ use crate::table::store::error::StoreError;
 use crate::table::store::table_store::TableStore;
 
 /// A pair and the table that is to be computed of it.
+///
+/// ```
+/// use std::sync::Arc;
+///
+/// use fft_correlate::{PairBuilder, PairSetup, RotationDomain, TablePlan};
+/// use glam::DVec3;
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let setup = PairSetup {
+///     builder: PairBuilder { spacing: Some(0.004), ..PairBuilder::default() },
+///     half_extent: Some(DVec3::splat(0.008)),
+///     ..PairSetup::new(Arc::new(hole), Arc::new(peg))
+/// };
+/// let plan = TablePlan::new(&setup, setup.load(&Silent)?, RotationDomain::full(15.0))?;
+/// // 8 mm either way in steps of 4 mm; the square peg's symmetry leaves nodes out.
+/// assert_eq!(plan.window.shape(), [5; 3]);
+/// assert_eq!(plan.spec.symmetry.map(|symmetry| symmetry.order), Some(4));
+/// assert!(plan.plan()?.bytes <= plan.spec.bytes(plan.plan()?.rotations));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct TablePlan {
     /// The pair; its gamma is the table's.

@@ -15,6 +15,25 @@ use crate::table::layout::Layout;
 
 /// What a table holds and for which pair: everything that decides its values. Window and rotations
 /// are those of the shapes, each in its own frame.
+///
+/// ```
+/// use fft_correlate::*;
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let builder = PairBuilder { spacing: Some(0.004), ..PairBuilder::default() };
+/// let pair = builder.build(&hole, &peg, &ScoreModel::GUIDED, &Silent)?;
+/// let window = TranslationWindow::cube(0.008, 0.004)?;
+/// let mut spec = TableSpec::for_pair(&pair, &window, RotationDomain::ball(10.0, 5.0));
+/// spec.storage.leave_out = 1e-3;
+/// spec.validate()?;
+/// // Two bytes a node, in whole bricks.
+/// let rotations = spec.grid()?.nodes().len();
+/// assert!(spec.bytes(rotations) >= (2 * 125 * rotations) as u128);
+/// spec.storage.leave_out = 0.5;
+/// assert!(spec.validate().is_err());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TableSpec {
@@ -167,6 +186,8 @@ impl TableSpec {
 }
 
 /// How a table stores energies: in half precision, with a relative error of at most 4.9e-4.
+///
+/// See the example of [`TableSpec`].
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(into = "StorageKeys", try_from = "StorageKeys")]
 pub struct Storage {

@@ -5,6 +5,16 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 /// What a device can do. Numbers a maker does not state are `f64::INFINITY` where they bound
 /// nothing; JSON has `null` for these.
+///
+/// ```
+/// use haptic::{DeviceSpec, OperatorConfig};
+///
+/// let spec = DeviceSpec { name: "finger".into(), ..OperatorConfig::default().spec() };
+/// assert!(spec.validate().is_ok());
+/// // A device senses 3 or 6 degrees of freedom.
+/// let error = DeviceSpec { input_dof: 4, ..spec }.validate().unwrap_err();
+/// assert_eq!(error.key, "input_dof");
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DeviceSpec {
@@ -92,6 +102,16 @@ fn unbounded<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
 }
 
 /// The newest input.
+///
+/// ```
+/// use fft_correlate::{Pose, Twist};
+/// use haptic::DeviceState;
+///
+/// // No motion, no button, measured 0.25 s after the loop began.
+/// let state = DeviceState::at_rest(Pose::IDENTITY, 0.25);
+/// assert_eq!((state.twist, state.buttons), (Twist::default(), 0));
+/// assert_eq!(state.timestamp, 0.25);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DeviceState {
     /// Pose of the handle in the device's frame (right-handed, metres, origin at the middle of the
@@ -173,7 +193,38 @@ pub enum DeviceError {
 /// To write a device of your own: (1) state its numbers in a [`DeviceSpec`]; (2) in `poll`, give
 /// the newest pose in a right-handed frame, metres, with the time it was measured; (3) in `send`,
 /// hand the wrench on, torque and force on the handle in the same frame; (4) in `stop_all`, leave
-/// every motor without force; (5) run `haptic::conformance::check` on it.
+/// every motor without force; (5) run [`crate::device::conformance::check`] on it.
+///
+/// ```
+/// use fft_correlate::{Pose, Wrench};
+/// use glam::DVec3;
+/// use haptic::*;
+///
+/// /// A finger that goes down along z by 1 mm/s.
+/// struct Finger(DeviceSpec);
+///
+/// impl Device for Finger {
+///     fn spec(&self) -> &DeviceSpec {
+///         &self.0
+///     }
+///
+///     fn poll(&mut self, now: f64) -> Result<DeviceState, DeviceError> {
+///         Ok(DeviceState::at_rest(Pose::from_translation(DVec3::Z * -0.001 * now), now))
+///     }
+///
+///     fn send(&mut self, _wrench: &Wrench) -> Result<(), DeviceError> {
+///         Ok(()) // to your motors
+///     }
+///
+///     fn stop_all(&mut self) -> Result<(), DeviceError> {
+///         Ok(()) // motors off
+///     }
+/// }
+///
+/// let mut finger = Finger(OperatorConfig::default().spec());
+/// assert_eq!(finger.poll(2.0)?.pose.translation.z, -0.002);
+/// # Ok::<(), DeviceError>(())
+/// ```
 pub trait Device: Send {
     /// What it can do; constant.
     fn spec(&self) -> &DeviceSpec;

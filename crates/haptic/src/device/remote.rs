@@ -21,6 +21,8 @@ const JUMP_TICKS: f64 = 52.0;
 
 /// A command for a remote device. Poses are those of the moving part in the scene, held as the
 /// workspace says.
+///
+/// See the example of [`RemoteDevice`].
 #[derive(Debug, Clone, Default)]
 pub enum RemoteCommand {
     /// Stay where it is, holding nothing.
@@ -50,6 +52,8 @@ struct Message {
 }
 
 /// The controlling end of a [`RemoteDevice`]; belongs to one thread at a time.
+///
+/// See the example of [`RemoteDevice`].
 #[derive(Debug)]
 pub struct RemoteControl {
     input: Input<Message>,
@@ -87,6 +91,26 @@ impl RemoteControl {
 ///
 /// While the loop's force is reduced, the operator's strength is reduced by the same share: at full
 /// strength it would go through every wall meanwhile.
+///
+/// ```
+/// use fft_correlate::Pose;
+/// use glam::DVec3;
+/// use haptic::*;
+///
+/// let config = HapticConfig::default();
+/// let workspace = config.workspace(Pose::IDENTITY, DVec3::ZERO);
+/// let (seated, axis) = (Pose::IDENTITY, -DVec3::Z);
+/// let geometry = Geometry { seated, axis, depth: 0.03, radius: 0.01, tilt: 0.08 };
+/// let (mut device, mut control) =
+///     RemoteDevice::new(OperatorConfig::default(), geometry, workspace, &seated, config.times());
+/// // Another thread puts the part 1 cm above the fit.
+/// let above = Pose::from_translation(DVec3::Z * 0.01);
+/// assert!(control.command(RemoteCommand::Place(above)));
+/// assert!((device.poll(0.001)?.pose.translation.z - 0.01).abs() < 1e-6);
+/// let nowhere = Pose::from_translation(DVec3::NAN);
+/// assert!(!control.command(RemoteCommand::Hold(nowhere)));
+/// # Ok::<(), DeviceError>(())
+/// ```
 #[derive(Debug)]
 pub struct RemoteDevice {
     config: OperatorConfig,
@@ -108,6 +132,13 @@ pub struct RemoteDevice {
 }
 
 /// Times of the loop that a remote device needs, seconds.
+///
+/// ```
+/// use haptic::HapticConfig;
+///
+/// let times = HapticConfig::default().times();
+/// assert_eq!((times.period, times.stale, times.ramp), (0.001, 0.1, 0.5));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LoopTimes {
     /// From one tick to the next.

@@ -20,6 +20,20 @@ const SNAP_PHASES: (f64, f64) = (0.35, 0.55);
 const LOOSE: f64 = 0.02;
 
 /// What the operator tries.
+///
+/// ```
+/// use fft_correlate::Pose;
+/// use glam::DVec3;
+/// use haptic::{Geometry, Script};
+///
+/// let (seated, axis) = (Pose::IDENTITY, -DVec3::Z);
+/// let geometry = Geometry { seated, axis, depth: 0.03, radius: 0.01, tilt: 0.08 };
+/// // The intent after 1.5 s of 10 s; the same seed gives the same one.
+/// let at = |seed| Script::Free.intent(&geometry, 1.5, 10.0, 0.002, seed);
+/// assert_eq!(at(7).pose, at(7).pose);
+/// assert_ne!(at(7).pose, at(8).pose);
+/// assert!((0.0..=1.0).contains(&at(7).grip));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Script {
@@ -34,6 +48,8 @@ pub enum Script {
 }
 
 /// Where the fit is, in the scene.
+///
+/// See the example of [`Script`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Geometry {
     /// Pose of the moving part when assembled.

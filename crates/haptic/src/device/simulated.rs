@@ -18,6 +18,8 @@ const STEP: f64 = 2.5e-4;
 const LONGEST_GAP: f64 = 1.0;
 
 /// The operator and what it does. Lengths at the device.
+///
+/// See the example of [`SimulatedOperator`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct OperatorConfig {
     /// Moving mass of hand and handle, kg.
@@ -163,6 +165,24 @@ struct Tremor {
 }
 
 /// The simulated operator as a device.
+///
+/// ```
+/// use fft_correlate::{Pose, Wrench};
+/// use glam::DVec3;
+/// use haptic::*;
+///
+/// let workspace = Workspace::new(1.0, Pose::IDENTITY, DVec3::ZERO);
+/// let (seated, axis) = (Pose::IDENTITY, -DVec3::Z);
+/// let geometry = Geometry { seated, axis, depth: 0.03, radius: 0.01, tilt: 0.08 };
+/// let config = OperatorConfig { duration: 2.0, ..OperatorConfig::default() };
+/// let mut hand = SimulatedOperator::new(config, Script::Free, geometry, workspace);
+/// let before = hand.poll(0.0)?.pose;
+/// // A force of 5 N along x for 50 ms.
+/// hand.send(&Wrench { force: DVec3::X * 5.0, ..Wrench::ZERO })?;
+/// let after = hand.poll(0.05)?.pose;
+/// assert!(after.translation.x - before.translation.x > 0.001);
+/// # Ok::<(), DeviceError>(())
+/// ```
 #[derive(Debug)]
 pub struct SimulatedOperator {
     spec: DeviceSpec,

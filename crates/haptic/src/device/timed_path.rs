@@ -16,6 +16,19 @@ const TURN_SPEED: f64 = 0.6;
 const REST: f64 = 1.0;
 
 /// Poses of the moving part in the scene, each with the time at which a slow operator reaches it.
+///
+/// ```
+/// use fft_correlate::Pose;
+/// use glam::DVec3;
+/// use haptic::{TimedPath, Workspace};
+///
+/// let workspace = Workspace::new(1.0, Pose::IDENTITY, DVec3::ZERO);
+/// let poses = [0.02, 0.0].map(|z| Pose::from_translation(DVec3::Z * z));
+/// let path = TimedPath::new(&poses, &workspace).expect("two valid poses");
+/// // A second of rest, then 2 cm at 2 cm/s.
+/// assert!((path.seconds() - 2.0).abs() < 1e-9);
+/// assert!((path.at(1.5).translation.z - 0.01).abs() < 1e-9);
+/// ```
 #[derive(Debug, Clone)]
 pub struct TimedPath {
     poses: Arc<[Pose]>,

@@ -8,6 +8,22 @@ use glam::{DQuat, DVec3};
 ///
 /// The *grip pose* is the pose of the moving part with its origin moved to the grip: same
 /// rotation, translation `pose.apply(grip)`. Torques in the loop are about the grip.
+///
+/// ```
+/// use fft_correlate::{Pose, Wrench};
+/// use glam::DVec3;
+/// use haptic::Workspace;
+///
+/// // Half a scene millimetre per millimetre of the device.
+/// let workspace = Workspace::new(0.5, Pose::IDENTITY, DVec3::ZERO);
+/// let device = Pose::from_translation(DVec3::X * 0.01);
+/// let grip = workspace.grip_pose(&device);
+/// assert_eq!(grip.translation, DVec3::X * 0.005);
+/// assert_eq!(workspace.device_pose(&workspace.part_pose(&grip)), device);
+/// // Forces scale with it, so that power is the same on both sides.
+/// let wrench = Wrench { force: DVec3::X * 4.0, ..Wrench::ZERO };
+/// assert_eq!(workspace.device_wrench(&wrench).force, DVec3::X * 2.0);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Workspace {
     /// Scene metres per device metre.

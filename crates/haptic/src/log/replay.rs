@@ -45,6 +45,29 @@ pub(crate) struct Tick {
 ///
 /// [`crate::Session::replay`] runs it at the recorded times: with the same device record, settings
 /// and source, the forces are the recorded ones to the last bit.
+///
+/// ```
+/// use std::sync::atomic::AtomicBool;
+///
+/// use fft_correlate::Pose;
+/// use glam::DVec3;
+/// use haptic::*;
+///
+/// let (config, stop) = (HapticConfig::default(), AtomicBool::new(false));
+/// let workspace = config.workspace(Pose::IDENTITY, DVec3::ZERO);
+/// let (seated, axis) = (Pose::IDENTITY, -DVec3::Z);
+/// let geometry = Geometry { seated, axis, depth: 0.03, radius: 0.01, tilt: 0.08 };
+/// let mut hand =
+///     SimulatedOperator::new(OperatorConfig::default(), Script::Free, geometry, workspace);
+/// let source = SumSource::new(DVec3::ZERO, vec![]); // free space
+/// let session = || Session::new(config.clone(), workspace).keep_samples();
+/// let first = session().run(&mut hand, &source, Clock::Simulated, 0.1, &stop)?;
+/// let mut replay = Replay::new(hand.spec().clone(), first.samples.clone(), &config)?;
+/// let again = session().replay(&mut replay, &source, f64::INFINITY, &stop)?;
+/// assert_eq!(again.samples.len(), 100);
+/// assert_eq!(again.last.object, first.last.object);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Replay {
     spec: DeviceSpec,

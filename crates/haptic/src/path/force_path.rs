@@ -21,6 +21,26 @@ const KNOCK: f64 = 0.02;
 const SAME_ENERGY: f64 = 1e-8;
 
 /// Gate, coupling, field, passivity and limits in a row, with their state.
+///
+/// ```
+/// use fft_correlate::Pose;
+/// use glam::DVec3;
+/// use haptic::*;
+///
+/// let config = HapticConfig { ramp_s: 0.0, ..HapticConfig::default() };
+/// let workspace = config.workspace(Pose::IDENTITY, DVec3::ZERO);
+/// let source = SumSource::new(DVec3::ZERO, vec![]); // free space
+/// let spec = OperatorConfig::default().spec();
+/// # use fft_correlate::EnergySource;
+/// let mut path = ForcePath::new(&spec, &config, workspace, source.scratch())?;
+/// // No force in free space; the object follows the handle.
+/// let handle = DeviceState::at_rest(Pose::from_translation(DVec3::X * 0.001), 0.0);
+/// let sample = path.step(&source, Some(&handle), 0.0, config.period());
+/// assert_eq!((sample.tick, sample.wrench.force.length()), (0, 0.0));
+/// assert!((sample.object.translation.x - 0.001).abs() < 1e-9);
+/// assert_eq!(path.account().work_in(), 0.0);
+/// # Ok::<(), ConfigError>(())
+/// ```
 #[derive(Debug)]
 pub struct ForcePath {
     workspace: Workspace,

@@ -7,6 +7,27 @@ use fft_correlate::{Pose, Wrench};
 use glam::DVec3;
 
 /// A joint to be followed, in the scene's frame.
+///
+/// ```
+/// use fft_correlate::{EnergySource, Pose, mating::JointKind};
+/// use glam::DVec3;
+/// use haptic::*;
+///
+/// let config = HapticConfig { ramp_s: 0.0, ..HapticConfig::default() };
+/// let workspace = config.workspace(Pose::IDENTITY, DVec3::ZERO);
+/// let source = SumSource::new(DVec3::ZERO, vec![]); // free space
+/// let (kind, axis, point) = (JointKind::Prismatic, DVec3::X, DVec3::ZERO);
+/// let rail = GuidedJoint { kind, axis, point, pitch: 0.0, pose: Pose::IDENTITY };
+/// let spec = OperatorConfig::default().spec();
+/// let path = ForcePath::new(&spec, &config, workspace, source.scratch())?;
+/// let mut path = path.guided(&[rail]);
+/// // The handle is 1 mm beside the rail along x: it is pulled back, but not along the rail.
+/// let beside = DeviceState::at_rest(Pose::from_translation(DVec3::new(0.02, 0.001, 0.0)), 0.0);
+/// path.step(&source, Some(&beside), 0.0, config.period());
+/// let force = path.step(&source, Some(&beside), 0.001, config.period()).wrench.force;
+/// assert!(force.y < -0.5 && force.x.abs() < 0.01, "{force}");
+/// # Ok::<(), ConfigError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GuidedJoint {
     /// Which motions are free.

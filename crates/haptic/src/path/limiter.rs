@@ -6,7 +6,24 @@ use glam::DVec3;
 use crate::config::HapticConfig;
 use crate::device::contract::DeviceSpec;
 
-/// Clamps magnitude and rate of change, and turns what is not finite into no force.
+/// Limits the magnitude and the rate of change of a wrench; one that is not finite becomes zero.
+///
+/// ```
+/// use fft_correlate::Wrench;
+/// use glam::DVec3;
+/// use haptic::{HapticConfig, Limiter, OperatorConfig};
+///
+/// let mut limiter = Limiter::new(&OperatorConfig::default().spec(), &HapticConfig::default());
+/// let wanted = Wrench { force: DVec3::X * 100.0, ..Wrench::ZERO };
+/// // At 2000 N/s the force reaches 2 N in the first millisecond; 5 N is the limit.
+/// let (first, did) = limiter.limit(&wanted, 1.0, 1e-3);
+/// assert!(did.slewed && (first.force.x - 2.0).abs() < 1e-9);
+/// for _ in 0..10 {
+///     limiter.limit(&wanted, 1.0, 1e-3);
+/// }
+/// assert!((limiter.limit(&wanted, 1.0, 1e-3).0.force.x - limiter.max_force()).abs() < 1e-9);
+/// assert_eq!(limiter.max_force(), 5.0);
+/// ```
 #[derive(Debug, Clone)]
 pub struct Limiter {
     force: f64,

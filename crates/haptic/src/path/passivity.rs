@@ -35,6 +35,8 @@ pub struct Passivity {
 }
 
 /// Energy bookkeeping over a run, joules.
+///
+/// See the example of [`ForcePath`](crate::ForcePath).
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct EnergyAccount {
     /// Net work of the operator on the loop through the force.

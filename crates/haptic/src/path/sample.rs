@@ -63,7 +63,24 @@ pub mod flags {
     ];
 }
 
-/// One tick.
+/// The record of one tick: input, object, wrench, energy and faults.
+///
+/// ```
+/// use fft_correlate::{EnergySource, Pose};
+/// use glam::DVec3;
+/// use haptic::*;
+///
+/// let config = HapticConfig::default();
+/// let workspace = config.workspace(Pose::IDENTITY, DVec3::ZERO);
+/// let source = SumSource::new(DVec3::ZERO, vec![]); // free space
+/// let spec = OperatorConfig::default().spec();
+/// let mut path = ForcePath::new(&spec, &config, workspace, source.scratch())?;
+/// // The device gives no input: no force, and the sample says why.
+/// let sample = path.step(&source, None, 0.0, config.period());
+/// assert_eq!(sample.flags & flags::NO_INPUT, flags::NO_INPUT);
+/// assert_eq!((sample.gain, sample.wrench.force), (0.0, DVec3::ZERO));
+/// # Ok::<(), ConfigError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sample {
     /// Counts from 0.

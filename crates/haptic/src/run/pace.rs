@@ -9,7 +9,9 @@ use crate::config::HapticConfig;
 use crate::log::replay::Tick;
 use crate::run::realtime;
 
-/// Whose seconds count.
+/// The clock by which a session runs.
+///
+/// See the example of [`Session`](crate::Session).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Clock {

@@ -6,7 +6,9 @@ use web_time::{Duration, Instant};
 #[cfg(target_os = "linux")]
 const PRIORITY: i32 = 50;
 
-/// What was asked for and granted.
+/// What the operating system granted of a session's wishes for real time.
+///
+/// See the example of [`Session`](crate::Session).
 #[derive(Debug, Clone, PartialEq, Eq, Default, serde::Serialize)]
 pub struct RealtimeGrant {
     /// The loop runs under SCHED_FIFO.

@@ -16,7 +16,21 @@ use crate::run::realtime::RealtimeGrant;
 /// Longest time that a histogram resolves, nanoseconds.
 const LONGEST: u64 = 60_000_000_000;
 
-/// Microseconds at quantiles of a distribution.
+/// Quantiles of a distribution of times, microseconds.
+///
+/// ```
+/// use haptic::Quantiles;
+/// use hdrhistogram::Histogram;
+///
+/// // Times of 1, 2, ... 1000 microseconds, in nanoseconds.
+/// let mut times = Histogram::new(3)?;
+/// for microseconds in 1..=1000 {
+///     times.record(1000 * microseconds)?;
+/// }
+/// let quantiles = Quantiles::from_histogram(&times);
+/// assert!((quantiles.p50 - 500.0).abs() < 1.0 && (quantiles.max - 1000.0).abs() < 1.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Quantiles {
     /// Half are below.
@@ -42,7 +56,9 @@ impl Quantiles {
     }
 }
 
-/// What a run was like.
+/// Counts, times and extremes of a run.
+///
+/// See the example of [`Session`](crate::Session).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LoopReport {
     /// Which clock it ran on.
@@ -96,7 +112,9 @@ pub struct LoopReport {
     pub granted: RealtimeGrant,
 }
 
-/// All that a run leaves.
+/// The result of a run: its report, the last sample and, if asked for, all samples.
+///
+/// See the example of [`Session`](crate::Session).
 #[derive(Debug)]
 pub struct Outcome {
     /// Counts and quantiles.
@@ -235,7 +253,9 @@ impl Tally {
 /// Ticks over which the worst times are kept.
 const BLOCK: u64 = 1000;
 
-/// The newest sample and what was counted up to it, so that who looks seldom misses nothing.
+/// The newest sample and the counts up to it: a viewer that looks seldom misses no fault.
+///
+/// See the example of [`SteppedLoop`](crate::SteppedLoop).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct View {
     /// The newest sample.
@@ -249,6 +269,8 @@ pub struct View {
 }
 
 /// Times of the ticks so far, nanoseconds on the wall clock.
+///
+/// See the example of [`SteppedLoop`](crate::SteppedLoop).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Timing {
     /// Ticks done.

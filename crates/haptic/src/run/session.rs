@@ -44,6 +44,8 @@ pub enum HapticError {
 }
 
 /// Shows the newest sample to another thread; never holds the loop up.
+///
+/// See the example of [`SteppedLoop`](crate::SteppedLoop).
 #[derive(Debug)]
 pub struct Viewer(triple_buffer::Output<View>);
 
@@ -81,7 +83,31 @@ impl Log {
     }
 }
 
-/// A loop to be run.
+/// A haptic loop with its settings, its place in the scene and its log, ready to run.
+///
+/// ```
+/// use std::sync::atomic::AtomicBool;
+///
+/// use fft_correlate::Pose;
+/// use glam::DVec3;
+/// use haptic::*;
+///
+/// let config = HapticConfig::default();
+/// let workspace = config.workspace(Pose::IDENTITY, DVec3::ZERO);
+/// let (seated, axis) = (Pose::IDENTITY, -DVec3::Z);
+/// let geometry = Geometry { seated, axis, depth: 0.03, radius: 0.01, tilt: 0.08 };
+/// let mut hand =
+///     SimulatedOperator::new(OperatorConfig::default(), Script::Free, geometry, workspace);
+/// let source = SumSource::new(DVec3::ZERO, vec![]); // free space
+/// let session = Session::new(config, workspace).keep_samples();
+/// // 0.2 s at 1000 Hz, without waiting for the wall clock.
+/// let stop = AtomicBool::new(false);
+/// let outcome = session.run(&mut hand, &source, Clock::Simulated, 0.2, &stop)?;
+/// assert_eq!((outcome.report.ticks, outcome.samples.len()), (200, 200));
+/// assert_eq!((outcome.report.input_faults, outcome.report.granted.fifo), (0, false));
+/// assert_eq!(outcome.report.peak_force, 0.0);
+/// # Ok::<(), HapticError>(())
+/// ```
 pub struct Session {
     config: HapticConfig,
     workspace: Workspace,

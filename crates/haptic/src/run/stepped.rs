@@ -15,6 +15,27 @@ use crate::run::session::{Ticker, Viewer};
 /// A loop on the wall clock where there are no threads, as in a browser. Its owner asks again and
 /// again whether a tick is due; what comes too late is left out and counted, as by
 /// [`Session`](crate::Session). The owner stops the device, and keeps what it wants of the samples.
+///
+/// ```
+/// use fft_correlate::Pose;
+/// use glam::DVec3;
+/// use haptic::*;
+///
+/// let config = HapticConfig::default();
+/// let workspace = config.workspace(Pose::IDENTITY, DVec3::ZERO);
+/// let (seated, axis) = (Pose::IDENTITY, -DVec3::Z);
+/// let geometry = Geometry { seated, axis, depth: 0.03, radius: 0.01, tilt: 0.08 };
+/// let mut hand =
+///     SimulatedOperator::new(OperatorConfig::default(), Script::Free, geometry, workspace);
+/// let source = SumSource::new(DVec3::ZERO, vec![]); // free space
+/// let (mut stepped, mut viewer) = SteppedLoop::new(&config, workspace, &[], &hand, &source)?;
+/// // The first tick is due at once, the next one a millisecond later.
+/// let tick = stepped.step(&mut hand, &source).expect("due").tick;
+/// assert_eq!((tick, viewer.newest().tick), (0, 0));
+/// assert!(stepped.seconds_ahead() <= 0.001);
+/// assert_eq!(viewer.view().timing.ticks, 0); // before it
+/// # Ok::<(), ConfigError>(())
+/// ```
 pub struct SteppedLoop {
     ticker: Ticker,
     pace: Pace,

@@ -27,7 +27,40 @@ struct SharedState {
     states: Vec<PairState>,
 }
 
-/// A scene whose near pairs are loaded while [`LiveScene::source`] is asked by a loop.
+/// A scene that loads near pairs in the background while a loop asks [`LiveScene::source`].
+///
+/// ```
+/// use std::sync::Arc;
+///
+/// use fft_correlate::{EnergySource, Placement, Pose};
+/// use glam::DVec3;
+/// use haptic::scene::{Content, LoadedPair, PairState};
+/// use haptic::*;
+/// use sdf_grid::Aabb;
+///
+/// // A pair that matters within 1 cm of its fit; an empty sum stands for its energy.
+/// let reach = Aabb::around([DVec3::ZERO]).grown(0.01);
+/// let load = move |_place: DVec3| {
+///     let source = Arc::new(SumSource::new(DVec3::ZERO, vec![]));
+///     let content = Content::Whole { source, bytes: 1000 };
+///     Ok(LoadedPair { content, reach, right: None })
+/// };
+/// let pair = PairSpec {
+///     name: "plate".into(),
+///     placement: Placement::IDENTITY,
+///     reach,
+///     bytes: 1000,
+///     files: vec![],
+///     same_as: None,
+///     load: Box::new(load),
+/// };
+/// let live = LiveScene::start(vec![pair], SceneOptions::default(), &Pose::IDENTITY)?;
+/// // What is in reach at the start is loaded already.
+/// assert_eq!(live.states(), [PairState::Loaded]);
+/// let mut scratch = live.source().scratch();
+/// assert_eq!(live.source().evaluate(&Pose::IDENTITY, &mut scratch).energy, 0.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct LiveScene {
     source: Arc<LiveSource>,
     state: Arc<Mutex<SharedState>>,

@@ -122,9 +122,26 @@ impl Snapshot {
 
 /// The newest [`SumSource`] for every reader.
 ///
-/// A pair of which not all that matters at the pose is in memory does not count for a reader, and
-/// its going and coming are changes like an exchange: they happen in [`EnergySource::refresh`]
-/// only.
+/// A pair counts for a reader only while everything of it that matters at the pose is in memory.
+/// Pairs come and go as sums are exchanged: in [`EnergySource::refresh`] only.
+///
+/// ```
+/// use fft_correlate::{EnergySource, Placement, Pose};
+/// use glam::DVec3;
+/// use haptic::{LiveSource, PlacedSource, SumSource};
+///
+/// let live = LiveSource::new(SumSource::new(DVec3::ZERO, vec![]), &Pose::IDENTITY);
+/// let mut scratch = live.scratch();
+/// assert!(live.is_loaded(&Pose::IDENTITY, &scratch));
+/// // A pair that matters everywhere, of which nothing is loaded yet.
+/// let pair = PlacedSource { source: None, placement: Placement::IDENTITY, reach: None };
+/// live.publish(SumSource::new(DVec3::ZERO, vec![pair]));
+/// // Readers take it over when they are ready for a change.
+/// assert!(live.is_loaded(&Pose::IDENTITY, &scratch));
+/// live.refresh(&Pose::IDENTITY, &mut scratch);
+/// assert!(!live.is_loaded(&Pose::IDENTITY, &scratch));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct LiveSource {
     id: SourceId,
     newest: Mutex<Shared>,

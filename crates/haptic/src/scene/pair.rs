@@ -43,6 +43,8 @@ pub struct LoadedPair {
 }
 
 /// A fixed part and how to get the energy of the moving part against it.
+///
+/// See the example of [`LiveScene`](crate::LiveScene).
 pub struct PairSpec {
     /// For reports.
     pub name: String,

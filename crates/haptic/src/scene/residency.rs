@@ -23,7 +23,9 @@ use crate::scene::sum::{PlacedSource, SharedSource, SumSource};
 /// quarter of them before its edge.
 const NEAR_EDGE: f64 = 0.25;
 
-/// How a scene is kept in memory.
+/// How much of a scene is kept in memory, and how far ahead it is loaded.
+///
+/// See the example of [`LiveScene`](crate::LiveScene).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SceneOptions {
     /// Point of the moving part as placed (metres, what poses move) that reaches speak of.

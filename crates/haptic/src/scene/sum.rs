@@ -8,6 +8,8 @@ use glam::DVec3;
 use sdf_grid::Aabb;
 
 /// One pair of a scene: its source and where the scene puts its shapes.
+///
+/// See the example of [`SumSource`].
 #[derive(Clone)]
 pub struct PlacedSource {
     /// Energy at poses of the shapes; `None` while it is not loaded.
@@ -26,6 +28,27 @@ pub struct PlacedSource {
 /// that is: a pair that is in reach and not loaded, in whole or in the part that matters, pulls it
 /// below one and adds no force. Leaving a box where the pair's energy is not near zero makes a step
 /// in the sum: make boxes as wide as the source's own domain.
+///
+/// ```
+/// use std::sync::Arc;
+///
+/// use fft_correlate::{Placement, Pose};
+/// use glam::DVec3;
+/// use haptic::{PlacedSource, SharedSource, SumSource};
+/// use sdf_grid::Aabb;
+///
+/// // Two pairs with one source: the first matters everywhere, the second within 1 cm.
+/// let source = SharedSource::new(Arc::new(SumSource::new(DVec3::ZERO, vec![])));
+/// let pair = |reach| PlacedSource {
+///     source: Some(source.clone()),
+///     placement: Placement::IDENTITY,
+///     reach,
+/// };
+/// let near = Aabb::around([DVec3::ZERO]).grown(0.01);
+/// let sum = SumSource::new(DVec3::ZERO, vec![pair(None), pair(Some(near))]);
+/// let in_reach = |z| sum.in_reach(&Pose::from_translation(DVec3::Z * z));
+/// assert_eq!((in_reach(0.0), in_reach(0.02)), (2, 1));
+/// ```
 #[derive(Clone)]
 pub struct SumSource {
     pivot: DVec3,
@@ -199,10 +222,12 @@ impl SourceId {
     }
 }
 
-/// An energy source that pairs, and sums exchanged for one another, may hold together.
+/// An energy source that several pairs, or successive sums, may share.
 ///
 /// Clones are the same source. Two that were made by [`SharedSource::new`] are two, even if the
 /// second one comes to lie where the first one was in memory.
+///
+/// See the example of [`SumSource`].
 #[derive(Clone)]
 pub struct SharedSource {
     id: SourceId,

@@ -23,8 +23,27 @@ const SAME_PLACE: f64 = 0.1;
 /// Motions shorter than this share of the part's radius, and of the whole path, are not reported.
 const SHORT: f64 = 0.05;
 
-/// A motion along an axis, about it, or both: a straight one, a turn, or a screw. Along the fixed
-/// frame's axes, or those of what the motion was placed by.
+/// A motion along an axis, about it, or both: a straight one, a turn, or a screw. Vectors are along
+/// the axes of the fixed part's frame, or of the frame that [`Motion::placed`] put it in.
+///
+/// ```
+/// use std::f64::consts::TAU;
+///
+/// use pegfit_path::Motion;
+///
+/// // Three turns of a right-handed thread of 2 mm, inwards along -z.
+/// let screw = Motion {
+///     axis: [0.0, 0.0, -1.0],
+///     point: [0.0; 3],
+///     turn: 3.0 * TAU,
+///     advance: 0.006,
+///     length: 0.1,
+/// };
+/// assert!((screw.pitch().expect("it turns") - 0.002).abs() < 1e-12);
+/// assert!(screw.to_string().starts_with("screw, 3.00 turns"));
+/// // Out again it turns the other way.
+/// assert_eq!(screw.reversed().axis, [0.0, 0.0, 1.0]);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Motion {
     /// Direction of the axis, a unit vector: that of a straight motion, or such that the part turns

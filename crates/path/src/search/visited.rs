@@ -9,8 +9,26 @@ use crate::collision::checker::CollisionChecker;
 use crate::error::PathError;
 use crate::motion::vec6::{Vec6, scaled};
 
-/// Poses that a search has reached from a goal at the tolerance: a later search continues from them. Empty
-/// at first, belongs to one request, and can be written to a file.
+/// Poses that a search has reached from a goal at the tolerance; a later search continues from
+/// them. Empty at first, belongs to one request, and can be written to a file.
+///
+/// ```
+/// use std::sync::Arc;
+///
+/// use fft_correlate::Pose;
+/// use pegfit_path::{Outcome, PathRequest, PathSearch, VisitedPoses};
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(2e-4)?;
+/// let request = PathRequest { others: 0.0, ..PathRequest::default() };
+/// let search = PathSearch::new(Arc::new(hole), Arc::new(peg), request)?;
+/// let mut visited = VisitedPoses::default();
+/// assert_eq!(visited.count(), 0);
+/// let result = search.find_from(&Pose::IDENTITY, None, &mut visited, &Silent)?;
+/// // Kept for a search that goes on where this one ended.
+/// assert!(result.outcome == Outcome::Free && visited.count() > 0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VisitedPoses {

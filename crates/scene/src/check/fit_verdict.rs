@@ -15,6 +15,19 @@ pub const FACETS: f64 = 2e-3;
 pub const TOUCHING: f64 = 1e-6;
 
 /// Interference of a fixed part and the moving one at the fit.
+///
+/// ```
+/// use pegfit_scene::{FitSolids, FitVerdict};
+/// use sdf_grid::shapes::PegInHole;
+///
+/// let (fixed, moving) = PegInHole::Rectangular.pair(1e-4)?;
+/// let solids = FitSolids { name: "hole".into(), fixed, moving, scale: None };
+/// let verdict = FitVerdict::of(&solids, "peg", "scene.toml");
+/// // With this clearance the parts share no volume (m³), to no depth (m).
+/// assert_eq!((verdict.shared_volume, verdict.depth), (0.0, 0.0));
+/// assert_eq!(verdict.lines()[0], "peg in hole: they do not overlap");
+/// # Ok::<(), sdf_grid::MeshError>(())
+/// ```
 #[derive(Debug, Serialize)]
 pub struct FitVerdict {
     /// The scene that puts them there.

@@ -23,6 +23,25 @@ const OPEN: &str = "it can be used as it is; export a closed solid for exact sig
                     computations";
 
 /// Whether a mesh can be used, and what had to be repaired.
+///
+/// ```
+/// use pegfit_scene::MeshVerdict;
+/// use sdf_grid::mesh_io::{self, ReadOptions};
+/// use sdf_grid::{LengthUnit, shapes};
+///
+/// # let folder = tempfile::tempdir()?;
+/// let file = folder.path().join("plate.obj");
+/// mesh_io::write_obj_in(&file, &shapes::plate(0.02, 0.005)?, LengthUnit::Mm)?;
+/// let MeshVerdict::Usable { report, .. } = MeshVerdict::of_file(&file, &ReadOptions::default())
+/// else {
+///     panic!("it is a closed plate");
+/// };
+/// // Cubic metres, though the file is in millimetres.
+/// assert!(report.watertight && (report.volume - 2e-6).abs() < 1e-12);
+/// let none = folder.path().join("none.obj");
+/// assert!(!MeshVerdict::of_file(&none, &ReadOptions::default()).is_usable());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 pub enum MeshVerdict {

@@ -29,6 +29,21 @@ const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
 /// A part in its place.
+///
+/// ```
+/// use fft_correlate::Pose;
+/// use pegfit_scene::{GlbPart, write_glb};
+/// use sdf_grid::{LengthUnit, RepairOptions, mesh_io, shapes};
+///
+/// let plate = shapes::plate(0.02, 0.005)?;
+/// # let folder = tempfile::tempdir()?;
+/// let file = folder.path().join("plate.glb");
+/// write_glb(&[GlbPart { name: "plate", mesh: &plate, pose: Pose::IDENTITY }], &file)?;
+/// // glTF is in metres; the unit given is for files that state none.
+/// let (read, _) = mesh_io::read(&file, LengthUnit::Mm, &RepairOptions::default())?;
+/// assert!((read.volume() - plate.volume()).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct GlbPart<'a> {
     /// What its node is called.

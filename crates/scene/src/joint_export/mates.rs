@@ -21,6 +21,8 @@ const PARALLEL_COSINE: f64 = 0.9994;
 const COMMON: f64 = 1e-3;
 
 /// How faces lie on each other.
+///
+/// See the example of [`DockedPair`](crate::DockedPair).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MateKind {
@@ -33,6 +35,8 @@ pub enum MateKind {
 }
 
 /// One part's side of a mate, in the part's own frame.
+///
+/// See the example of [`DockedPair`](crate::DockedPair).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MateSide {
     /// Outward normal of a plane, unit length.
@@ -51,6 +55,8 @@ pub struct MateSide {
 }
 
 /// Faces of both parts that lie on each other.
+///
+/// See the example of [`DockedPair`](crate::DockedPair).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MateRecord {
     /// How.
@@ -69,6 +75,8 @@ pub struct MateRecord {
 }
 
 /// A pose as it is written: `position` in metres, `rotation` a unit quaternion `x, y, z, w`.
+///
+/// See the example of [`DockedPair`](crate::DockedPair).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PoseRecord {
     /// Metres.
@@ -78,6 +86,8 @@ pub struct PoseRecord {
 }
 
 /// A part's mesh.
+///
+/// See the example of [`DockedPair`](crate::DockedPair).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PartRecord {
     /// The file beside the mates whose triangles are numbered; empty if none is written.
@@ -91,6 +101,8 @@ pub struct PartRecord {
 }
 
 /// How far a free motion goes.
+///
+/// See the example of [`DockedPair`](crate::DockedPair).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct TravelRecord {
     /// Metres, or radians.
@@ -99,7 +111,9 @@ pub struct TravelRecord {
     pub blocked: [bool; 2],
 }
 
-/// The joint, fixed part's own frame.
+/// The joint between the parts, in the fixed part's own frame.
+///
+/// See the example of [`DockedPair`](crate::DockedPair).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct JointRecord {
     /// `prismatic`, `cylindrical`, ...
@@ -120,7 +134,9 @@ pub struct JointRecord {
     pub free: Vec<[f64; 6]>,
 }
 
-/// What a file of mates holds.
+/// The content of a file of mates.
+///
+/// See the example of [`DockedPair`](crate::DockedPair).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Mates {
     /// `pegfit mates 1`.

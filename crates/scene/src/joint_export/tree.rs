@@ -12,6 +12,8 @@ use super::pair::DockedPair;
 use crate::solids::write::{file_name, unique_name};
 
 /// A part of a tree.
+///
+/// See the example of [`PartTree`].
 #[derive(Debug, Clone)]
 pub struct JointedPart<'a> {
     /// What its link or body is called; parts of one name are numbered.
@@ -27,6 +29,30 @@ pub struct JointedPart<'a> {
 }
 
 /// Parts that hang from each other by joints.
+///
+/// ```
+/// use fft_correlate::{Pose, mating::{Joint, JointKind}};
+/// use glam::DVec3;
+/// use pegfit_scene::{JointedPart, PartTree, write_tree_urdf};
+/// use sdf_grid::shapes::PegInHole;
+///
+/// let (hole, peg) = PegInHole::Circular.pair(1e-4)?;
+/// let joint = Joint { kind: JointKind::Cylindrical, axis: DVec3::Z, ..Joint::default() };
+/// let part = |name: &str, mesh, parent| JointedPart {
+///     name: name.into(),
+///     mesh,
+///     parent,
+///     pose: Pose::IDENTITY,
+///     joint: joint.clone(),
+/// };
+/// let parts = vec![part("hole", &hole, None), part("peg", &peg, Some(0))];
+/// # let folder = tempfile::tempdir()?;
+/// let file = folder.path().join("peg.urdf");
+/// write_tree_urdf(&PartTree { name: "peg in hole", parts, kept: vec![] }, &file)?;
+/// let text = std::fs::read_to_string(&file)?;
+/// assert!(text.contains("<link name=\"hole\">") && text.contains("type=\"prismatic\""));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct PartTree<'a> {
     /// What the whole is called.

@@ -63,6 +63,8 @@ pub(crate) fn joined(
 }
 
 /// A fixed part and the moving one where the scene says that they fit.
+///
+/// See the example of [`FitVerdict`](crate::FitVerdict).
 #[derive(Debug, Clone)]
 pub struct FitSolids {
     /// The fixed part's name.
@@ -123,7 +125,23 @@ fn scale_of(
     })
 }
 
-/// What a user should know of a scene that can be used all the same.
+/// A warning about a scene that can be used all the same.
+///
+/// ```
+/// use glam::DVec3;
+/// use pegfit_scene::{Scene, SceneSetup, SceneWarning};
+/// use sdf_grid::shapes::{PegInHole, cuboid};
+///
+/// let text = "unit = \"mm\"\nfixed = \"hole.obj\"\nmoving = \"peg.obj\"";
+/// let scene = Scene::parse("scene.toml", text)?;
+/// // A peg that was exported in millimetres and read in metres.
+/// let (hole, _) = PegInHole::Rectangular.pair(0.0)?;
+/// let peg = cuboid(DVec3::new(20.0, 20.0, 30.0))?;
+/// let setup = SceneSetup::from_solids(scene, hole, peg, 1 << 30)?;
+/// assert!(matches!(setup.warnings[0], SceneWarning::Scale { .. }));
+/// assert!(setup.warnings[0].to_string().ends_with("are both in mm?"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub enum SceneWarning {
     /// What had to be repaired in a mesh, in words.

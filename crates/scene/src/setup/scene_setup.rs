@@ -21,6 +21,22 @@ const FAR_LESS: f64 = 0.35;
 const NEAR: f64 = 0.5;
 
 /// A scene with one fixed part whose meshes have been read; nothing is computed yet.
+///
+/// ```
+/// use pegfit_scene::{Scene, SceneSetup};
+/// use sdf_grid::shapes::PegInHole;
+///
+/// let text = "unit = \"mm\"\nfixed = \"hole.obj\"\nmoving = \"peg.obj\"\nlattice.spacing = 4";
+/// let scene = Scene::parse("scene.toml", text)?;
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let setup = SceneSetup::from_solids(scene, hole, peg, 1 << 30)?;
+/// // Lattices and memory of its pair, before anything is computed.
+/// let plan = setup.parts.plan()?;
+/// assert!(plan.spacing() == 0.004 && plan.bytes < setup.memory);
+/// // The peg ends flush with the block of 30 mm.
+/// assert!((setup.bounds(0.0).max.z - 0.015).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct SceneSetup {
     /// The scene.
@@ -283,8 +299,25 @@ pub(crate) fn pair_setup(
     }
 }
 
-/// All parts of a scene where they are assembled: fixed ones where it puts them, the moving one at the
-/// fit. A part of several meshes is one solid.
+/// All parts of a scene where they are assembled: fixed ones where the scene puts them, the moving
+/// one at the fit. A part of several meshes is one solid.
+///
+/// ```
+/// use pegfit_scene::{PlacedParts, Scene, example_text};
+/// use sdf_grid::{mesh_io, shapes::PegInHole};
+///
+/// # let folder = tempfile::tempdir()?;
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// mesh_io::write_obj(folder.path().join("rectangular_hole.obj"), &hole)?;
+/// mesh_io::write_obj(folder.path().join("rectangular_peg.obj"), &peg)?;
+/// let text = example_text(PegInHole::Rectangular);
+/// let scene = Scene::parse(folder.path().join("scene.toml"), &text)?;
+/// let placed = PlacedParts::read(&scene)?;
+/// // The fixed part, then the moving one, metres.
+/// let volumes: Vec<f64> = placed.parts.iter().map(|(_, mesh)| mesh.volume()).collect();
+/// assert!((volumes[1] - peg.volume()).abs() < 1e-12 && volumes.len() == 2);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct PlacedParts {
     /// Names and surfaces, metres: the first fixed part, the other ones, then the moving part.

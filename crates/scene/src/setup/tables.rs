@@ -24,7 +24,32 @@ pub fn held_out_poses(tolerance: Option<f64>) -> usize {
     }
 }
 
-/// What the error of a table is measured against.
+/// The reference against which the error of a table is measured.
+///
+/// ```
+/// use fft_correlate::EnergyTable;
+/// use pegfit_scene::{Scene, SceneSetup};
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let text = r#"
+///     unit = "mm"
+///     fixed = "hole.obj"
+///     moving = "peg.obj"
+///     lattice.spacing = 4
+///     window.half_extent = [12, 12, 12]
+///     rotations = { kind = "ball", angle_deg = 4, step_deg = 2 }
+/// "#;
+/// let scene = Scene::parse("scene.toml", text)?;
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let setup = SceneSetup::from_solids(scene, hole, peg, 1 << 30)?;
+/// let plan = setup.design(setup.pair_in_window(&Silent)?)?;
+/// let energies = setup.energies(&plan)?;
+/// let table = EnergyTable::compute(plan.spec.clone(), &energies, 1 << 30, &Silent)?;
+/// let report = setup.reference_on(&plan.pair)?.measure(&table, &plan.pair, 20, 1);
+/// assert_eq!(report.reference_spacing, 0.004);
+/// assert!(report.energy.relative() < 0.1, "{report:?}");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct TableReference {
     /// Direct quadrature, with the table's energy scale.
     pub truth: DirectEvaluator,

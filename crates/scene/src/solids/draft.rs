@@ -11,6 +11,8 @@ use crate::solids::solid_set::SolidSet;
 const REACH: f64 = 0.375;
 
 /// A scene of some of a file's solids, before it is written.
+///
+/// See the example of [`SolidSet`](crate::SolidSet).
 #[derive(Debug, Clone)]
 pub struct SceneDraft<'a> {
     /// The file's solids.

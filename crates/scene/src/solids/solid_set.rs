@@ -17,6 +17,23 @@ use crate::solids::{mjcf, urdf};
 const SMALL: f64 = 1.0;
 
 /// How a file of solids is read.
+///
+/// ```
+/// use std::time::Duration;
+///
+/// use pegfit_scene::{MujocoOptions, SolidOptions, SolidSet};
+/// use sdf_grid::{LengthUnit, mesh_io, shapes};
+///
+/// # let folder = tempfile::tempdir()?;
+/// let file = folder.path().join("plate.obj");
+/// mesh_io::write_obj_in(&file, &shapes::plate(0.02, 0.005)?, LengthUnit::Cm)?;
+/// let mujoco = MujocoOptions { time_limit: Duration::from_secs(10), ..MujocoOptions::default() };
+/// let options = SolidOptions { unit: LengthUnit::Cm, mujoco, ..SolidOptions::default() };
+/// // OBJ states no unit: these are centimetres, and metres from here on.
+/// let set = SolidSet::read(&file, &options)?;
+/// assert!((set.solids[0].mesh.bounds().size().x - 0.02).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct SolidOptions {
     /// Unit of the coordinates, for mesh formats that state none.
@@ -48,8 +65,24 @@ impl Default for SolidOptions {
     }
 }
 
-/// The solids of a file: those of a mesh file or a STEP assembly, or the links or bodies of a URDF or
-/// MJCF file with joints at zero.
+/// The solids of a file: those of a mesh file or a STEP assembly, or the links or bodies of a URDF
+/// or MJCF file with joints at zero.
+///
+/// ```
+/// use fft_correlate::Pose;
+/// use pegfit_scene::SolidSet;
+/// use sdf_grid::{LengthUnit, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let parts = [("hole", hole), ("peg", peg)];
+/// let parts = parts.map(|(name, mesh)| (name.to_string(), mesh, Pose::IDENTITY));
+/// let set = SolidSet::assembled("assembly.step", parts, LengthUnit::Mm);
+/// assert_eq!(set.groups(), [(0, "hole"), (1, "peg")]);
+/// // A scene in which the peg moves; the hole is in reach and stays.
+/// let draft = set.draft(&["peg".into()], &[], false)?;
+/// assert_eq!((&draft.moving[..], &draft.fixed[..]), (&[1][..], &[0][..]));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct SolidSet {
     /// The file.
@@ -63,6 +96,8 @@ pub struct SolidSet {
 }
 
 /// A solid of a file.
+///
+/// See the example of [`SolidSet`].
 #[derive(Debug, Clone)]
 pub struct PlacedSolid {
     /// Its name, that of its link or body, or empty.
@@ -213,7 +248,7 @@ impl SolidSet {
         self.unit
     }
 
-    /// Numbers and names of what can be chosen, one for each group.
+    /// Indices (from 0) and names of what can be chosen, one for each group.
     pub fn groups(&self) -> Vec<(usize, &str)> {
         let mut groups: Vec<(usize, &str)> = Vec::new();
         for solid in &self.solids {

@@ -33,6 +33,24 @@ const HEADER: usize = MAGIC.len() + ORDER.len() + blake3::OUT_LEN + size_of::<u6
 const LONGEST_PROVENANCE: u64 = 1 << 16;
 
 /// A directory of density fields.
+///
+/// ```
+/// use glam::DVec3;
+/// use sdf_grid::{DensityKernel, DensityOptions, FieldCache, Lattice, Silent, shapes};
+///
+/// let cube = shapes::cuboid(DVec3::splat(0.01))?;
+/// let kernel = DensityKernel::new(0.2)?;
+/// let lattice = Lattice::covering(&cube.bounds(), 0.002, 0.002)?;
+/// let options = DensityOptions::default();
+/// # let folder = tempfile::tempdir()?;
+/// let cache = FieldCache::new(folder.path().join("fields"))?;
+/// let computed = cache.get_or_compute(&cube, &kernel, &lattice, &options, &Silent)?;
+/// assert!(cache.path(&cube, &kernel, &lattice, &options).is_file());
+/// // This time it is read.
+/// let read = cache.get_or_compute(&cube, &kernel, &lattice, &options, &Silent)?;
+/// assert_eq!(read.interior, computed.interior);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct FieldCache {
     directory: PathBuf,

@@ -13,6 +13,21 @@ use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::support::monitor::Monitor;
 
 /// The density of one part on a lattice, as two unit parts: `rho = l1 * exterior + l2 * interior`.
+///
+/// ```
+/// use glam::DVec3;
+/// use sdf_grid::{DensityField, DensityKernel, DensityOptions, Lattice, Silent, shapes};
+///
+/// let cube = shapes::cuboid(DVec3::splat(0.01))?;
+/// let lattice = Lattice::covering(&cube.bounds(), 0.004, 0.001)?;
+/// let (kernel, options) = (DensityKernel::new(0.2)?, DensityOptions::default());
+/// let field = DensityField::compute(&cube, &kernel, &lattice, &options, &Silent)?;
+/// // The first node is a corner of the lattice, far outside.
+/// assert!(field.signed_distance[[0, 0, 0]] > 0.004);
+/// assert_eq!(field.interior[[0, 0, 0]].norm(), 0.0);
+/// assert!(field.exterior[[0, 0, 0]].norm() > 0.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct DensityField {
     /// Unit exterior density `O` (dimensionless), zero inside the part; includes the halo cut-off.

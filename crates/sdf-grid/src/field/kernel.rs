@@ -11,6 +11,16 @@ use crate::field::quadrature::GaussLegendre;
 
 /// The density kernel of thickness `sigma` (the paper's eq_2, written as the bounded `H(u)` of
 /// `docs/conventions.md`).
+///
+/// ```
+/// use sdf_grid::DensityKernel;
+///
+/// let kernel = DensityKernel::new(0.2)?;
+/// assert_eq!(kernel.sigma(), 0.2);
+/// assert!((kernel.kappa() - kernel.half_space().norm()).abs() < 1e-12);
+/// assert!(DensityKernel::new(2.0).is_err());
+/// # Ok::<(), sdf_grid::KernelError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DensityKernel {
     sigma: f64,

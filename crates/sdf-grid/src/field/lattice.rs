@@ -13,6 +13,19 @@ use crate::support::large;
 /// Arrays on a lattice are C-ordered with index `[i, j, k]` for x, y, z: z varies fastest.
 /// Lattices made by [`Lattice::covering`] are cell-centred on the grid of multiples of `spacing`
 /// (nodes at odd multiples of `spacing / 2`), so any two lattices of one spacing are aligned.
+///
+/// ```
+/// use glam::DVec3;
+/// use sdf_grid::{Aabb, Lattice};
+///
+/// let bounds = Aabb { min: DVec3::splat(-0.01), max: DVec3::splat(0.01) };
+/// // Cells of 1 mm that cover 2 mm more on every side.
+/// let lattice = Lattice::covering(&bounds, 0.002, 0.001)?;
+/// assert_eq!(lattice.shape(), [24; 3]);
+/// assert!((lattice.position([0, 0, 0]).x + 0.0115).abs() < 1e-12);
+/// assert!((lattice.fractional_index(DVec3::ZERO).x - 11.5).abs() < 1e-9);
+/// # Ok::<(), sdf_grid::LatticeError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Lattice {
     origin: [f64; 3],

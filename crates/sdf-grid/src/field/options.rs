@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 /// How a lattice value represents the density around its node.
+///
+/// See the example of [`DensityOptions`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sampling {
@@ -44,6 +46,18 @@ impl Sampling {
 }
 
 /// How accurate a field must be and how it is sampled.
+///
+/// ```
+/// use sdf_grid::{DensityOptions, Sampling};
+///
+/// let sampling = Sampling::Smoothed { deviation: 0.0007, sharpening: 0.0 };
+/// let options = DensityOptions { sampling, halo: 0.01, ..DensityOptions::default() };
+/// options.validate()?;
+/// // Smoothed over 0.7 mm, densities end 2.1 mm beyond the boundary.
+/// assert!((options.sampling.spread() - 0.0021).abs() < 1e-12);
+/// assert!(DensityOptions { tolerance: 0.5, ..options }.validate().is_err());
+/// # Ok::<(), sdf_grid::DensityError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DensityOptions {
     /// Relative L2 error against the f64 reference that the field must meet, 1e-5 .. 1e-2.

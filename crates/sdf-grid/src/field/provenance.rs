@@ -11,10 +11,25 @@ use crate::mesh::triangle_mesh::TriangleMesh;
 /// sums over surfaces.
 pub const FIELD_VERSION: u32 = 18;
 
-/// Everything that a field's values depend on: two fields of one provenance are the same to the bit.
+/// Everything that the values of a field depend on: fields of equal provenance have equal bits.
 ///
 /// It is kept with the field and with everything made from it (caches, tables, docking's state);
 /// [`crate::provenance::difference`] says in what two provenances differ.
+///
+/// ```
+/// use glam::DVec3;
+/// use sdf_grid::{DensityKernel, DensityOptions, FieldProvenance, Lattice, provenance, shapes};
+///
+/// let cube = shapes::cuboid(DVec3::splat(0.01))?;
+/// let lattice = Lattice::covering(&cube.bounds(), 0.002, 0.002)?;
+/// let of = |sigma| -> Result<FieldProvenance, sdf_grid::KernelError> {
+///     let kernel = DensityKernel::new(sigma)?;
+///     Ok(FieldProvenance::new(&cube, &kernel, &lattice, &DensityOptions::default()))
+/// };
+/// assert_eq!(of(0.2)?.hash(), of(0.2)?.hash());
+/// assert_ne!(of(0.2)?.hash(), of(0.1)?.hash());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FieldProvenance {

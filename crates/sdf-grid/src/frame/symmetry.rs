@@ -20,6 +20,8 @@ use crate::surface::bvh::tree::Bvh;
 const MAX_ORDER: u32 = 360;
 
 /// How often a turn about an axis brings a part onto itself.
+///
+/// See the example of [`SymmetryAxis`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SymmetryOrder {
@@ -30,6 +32,17 @@ pub enum SymmetryOrder {
 }
 
 /// An axis about which a part can be turned onto itself.
+///
+/// ```
+/// use glam::DVec3;
+/// use sdf_grid::{SymmetryOrder, shapes, symmetry};
+///
+/// // A square plate: four quarter turns about its normal.
+/// let axes = symmetry::detect(&shapes::plate(0.02, 0.005)?, 1e-5);
+/// assert_eq!(axes[0].order, SymmetryOrder::Finite(4));
+/// assert!((axes[0].direction - DVec3::Z).length() < 1e-9);
+/// # Ok::<(), sdf_grid::MeshError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SymmetryAxis {
     /// The part's centroid, metres.

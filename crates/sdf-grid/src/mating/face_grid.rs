@@ -130,6 +130,8 @@ struct GridFace {
 }
 
 /// An opposite face that a line meets.
+///
+/// See the example of [`FaceGrid`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OppositeFace {
     /// How far along the line's direction it lies, metres; negative behind the point.

@@ -43,6 +43,19 @@ const SAME_AXIS_COSINE: f64 = 0.998;
 const SAME_AXIS: f64 = 0.1;
 
 /// A flat region of a surface, or several in one plane.
+///
+/// ```
+/// use glam::DVec3;
+/// use sdf_grid::{SurfaceFeatures, shapes};
+///
+/// let plate = SurfaceFeatures::new(&shapes::plate(0.02, 0.005)?);
+/// // The largest of six: the top or the bottom.
+/// let largest = &plate.planes[0];
+/// assert!((largest.area - 4e-4).abs() < 1e-12);
+/// assert!((largest.normal.z.abs() - 1.0).abs() < 1e-12);
+/// assert!((largest.offset - 0.0025).abs() < 1e-12);
+/// # Ok::<(), sdf_grid::MeshError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plane {
     /// Outward normal, unit length.
@@ -61,6 +74,18 @@ pub struct Plane {
 
 /// An axis about which smooth patches of a surface turn in themselves: of cylinders, cones, rings,
 /// threads.
+///
+/// ```
+/// use sdf_grid::{SurfaceFeatures, shapes};
+///
+/// let pin = SurfaceFeatures::new(&shapes::cylinder(0.005, 0.03, 48)?);
+/// let axis = &pin.axes[0];
+/// assert!(axis.direction.z.abs() > 0.999);
+/// let patch = &axis.patches[0];
+/// assert!(patch.convex && (patch.radius - 0.005).abs() < 2e-5);
+/// assert!((patch.span[1] - patch.span[0] - 0.03).abs() < 1e-9);
+/// # Ok::<(), sdf_grid::MeshError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct PatchAxis {
     /// A point of it, metres.
@@ -72,6 +97,8 @@ pub struct PatchAxis {
 }
 
 /// A smooth patch around an axis.
+///
+/// See the example of [`PatchAxis`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct RoundPatch {
     /// Square metres.
@@ -89,6 +116,16 @@ pub struct RoundPatch {
 }
 
 /// A smooth patch of a sphere.
+///
+/// ```
+/// use sdf_grid::{SurfaceFeatures, shapes};
+///
+/// let ball = SurfaceFeatures::new(&shapes::icosphere(0.01, 8)?);
+/// assert_eq!((ball.planes.len(), ball.spheres.len()), (0, 1));
+/// let sphere = &ball.spheres[0];
+/// assert!(sphere.convex && (sphere.radius - 0.01).abs() < 1e-4);
+/// # Ok::<(), sdf_grid::MeshError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpherePatch {
     /// Its centre, metres.

@@ -1,6 +1,8 @@
 //! Symmetric 6 x 6 matrices: sums of outer products, determinant, solution, eigenvectors.
 
 /// Three components along, three about the axes, or the other way round.
+///
+/// See the example of [`Matrix6`].
 pub type Vector6 = [f64; 6];
 
 /// Sweeps of the Jacobi method at most; convergence is quadratic.

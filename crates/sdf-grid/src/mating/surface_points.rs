@@ -13,6 +13,8 @@ const OF_A_PATCH: usize = 8;
 const SMALL: f64 = 2e-4;
 
 /// A point on a surface.
+///
+/// See the example of [`surface_points`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfacePoint {
     /// Where it lies, metres, in the part's frame.

@@ -4,6 +4,16 @@ use glam::DVec3;
 use serde::Serialize;
 
 /// An axis-aligned box, metres.
+///
+/// ```
+/// use glam::DVec3;
+/// use sdf_grid::Aabb;
+///
+/// let bounds = Aabb::around([DVec3::ZERO, DVec3::new(0.03, 0.04, 0.0)]);
+/// assert!((bounds.diagonal() - 0.05).abs() < 1e-15);
+/// assert!(bounds.grown(0.001).contains(DVec3::splat(-0.001)));
+/// assert_eq!(Aabb::EMPTY.union(&bounds), bounds);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Aabb {
     /// Lowest corner.

@@ -12,6 +12,8 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 /// One side of a face: runs from corner `side` to the next corner.
+///
+/// See the example of [`Topology`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct HalfEdge(u32);
 
@@ -314,6 +316,8 @@ fn take_sharpest(
 }
 
 /// All half-edges between the same two vertices.
+///
+/// See the example of [`Topology`].
 #[derive(Debug, Clone, Copy)]
 pub struct Edge<'a> {
     half_edges: &'a [HalfEdge],
@@ -363,6 +367,17 @@ impl<'a> Edge<'a> {
 }
 
 /// Disjoint sets of the numbers below a count (union-find). The least member stands for its set.
+///
+/// ```
+/// use sdf_grid::DisjointSets;
+///
+/// let mut sets = DisjointSets::new(4);
+/// sets.join(3, 1);
+/// assert_eq!((sets.root(3), sets.root(2)), (1, 2));
+/// let (set_of, members) = sets.numbered();
+/// assert_eq!(set_of, [0, 1, 2, 1]);
+/// assert_eq!(members[1], [1, 3]);
+/// ```
 #[derive(Debug, Clone)]
 pub struct DisjointSets {
     parents: Vec<u32>,

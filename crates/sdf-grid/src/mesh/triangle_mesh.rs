@@ -11,6 +11,21 @@ use crate::mesh::topology::Topology;
 
 /// A triangle mesh that has been repaired: finite vertices, indices in range, no zero-area or
 /// duplicate faces, components oriented outwards (cavities inwards). Vertices are metres.
+///
+/// ```
+/// use glam::{DQuat, DVec3, dvec3};
+/// use sdf_grid::{RepairOptions, TriangleMesh};
+///
+/// // A tetrahedron, metres.
+/// let vertices = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
+/// let triangles = vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+/// let options = RepairOptions::default();
+/// let (mesh, report) = TriangleMesh::clean("tetrahedron", vertices, triangles, &options)?;
+/// assert!(report.watertight && (mesh.volume() - 1.0 / 6.0).abs() < 1e-12);
+/// let moved = mesh.transformed(DQuat::IDENTITY, dvec3(0.0, 0.0, 2.0));
+/// assert!((moved.centroid().z - 2.25).abs() < 1e-12);
+/// # Ok::<(), sdf_grid::MeshError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct TriangleMesh {
     vertices: Vec<DVec3>,

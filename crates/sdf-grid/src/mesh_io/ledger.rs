@@ -5,6 +5,8 @@ use std::fmt;
 use serde::Serialize;
 
 /// The treatment of an item of a file by its reader.
+///
+/// See the example of [`Ledger`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LedgerKind {
@@ -28,6 +30,8 @@ impl LedgerKind {
 }
 
 /// One line of a [`Ledger`].
+///
+/// See the example of [`Ledger`].
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct LedgerEntry {
     /// How the reader treated it.

@@ -8,6 +8,16 @@ use serde::{Deserialize, Serialize};
 use crate::mesh::error::MeshError;
 
 /// The unit of a file's coordinates. Written as `m`, `mm`, `cm`, `um`, `inch` or `foot`.
+///
+/// ```
+/// use sdf_grid::LengthUnit;
+///
+/// let unit: LengthUnit = "inch".parse()?;
+/// assert_eq!(unit.in_metres(), 0.0254);
+/// assert_eq!(LengthUnit::default().name(), "mm");
+/// assert!("parsec".parse::<LengthUnit>().is_err());
+/// # Ok::<(), sdf_grid::MeshError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LengthUnit {

@@ -9,6 +9,8 @@ use crate::mesh::measure::face_area;
 use crate::mesh::triangle_mesh::TriangleMesh;
 
 /// Volume and depth of the interference of two solids at a pose.
+///
+/// See the example of [`InterferenceQuery`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Interference {
     /// Volume of the intersection, cubic metres.

@@ -19,6 +19,20 @@ use crate::table::store::error::StoreError;
 use crate::table::store::storage::{Folder, Memory, Storage};
 
 /// The place of a table. Clones are the same place.
+///
+/// ```
+/// use std::path::Path;
+///
+/// use fft_correlate::TableFiles;
+///
+/// let files = TableFiles::in_memory("scratch");
+/// assert!(!files.exist()?);
+/// files.replace("notes/a.json", b"{}".to_vec())?;
+/// assert_eq!(files.keys()?, ["notes/a.json"]);
+/// assert_eq!(files.read("notes/a.json")?.as_deref(), Some(&b"{}"[..]));
+/// assert!(TableFiles::is_remote(Path::new("s3://bucket/t.zarr")));
+/// # Ok::<(), fft_correlate::StoreError>(())
+/// ```
 #[derive(Clone)]
 pub struct TableFiles {
     /// A path, a URL, or what errors call a table in memory.

@@ -25,6 +25,28 @@ use crate::table::store::metadata::{
 };
 
 /// A table on disk or in an object store, finished or not.
+///
+/// ```
+/// use fft_correlate::*;
+/// use glam::DQuat;
+/// use sdf_grid::{Silent, shapes::PegInHole};
+///
+/// let (hole, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// let builder = PairBuilder { spacing: Some(0.004), ..PairBuilder::default() };
+/// let pair = builder.build(&hole, &peg, &ScoreModel::GUIDED, &Silent)?;
+/// let window = TranslationWindow::cube(0.008, 0.004)?;
+/// let spec = TableSpec::for_pair(&pair, &window, RotationDomain::single(DQuat::IDENTITY));
+/// # let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("peg.zarr");
+/// bake(&path, &spec, &PairEnergies::plan(&pair, &window)?, Share::ALL, &Silent)?;
+/// let whole = TableStore::open(&path)?.load(1 << 20)?;
+/// // The same table, of which nothing is in memory yet.
+/// let mut part = PartialTable::new(TableStore::open(&path)?)?;
+/// assert_eq!(part.table().respond(&Pose::IDENTITY).coverage, 0.0);
+/// part.load(&[0])?;
+/// assert_eq!(part.table().respond(&Pose::IDENTITY), whole.respond(&Pose::IDENTITY));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct TableStore {
     files: TableFiles,
     header: Header,

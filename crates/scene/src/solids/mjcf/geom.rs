@@ -71,6 +71,8 @@ pub(super) fn chosen(mut geoms: Vec<Geom>, visual: bool, ledger: &mut Ledger) ->
 }
 
 /// How MuJoCo is asked to compile a model.
+///
+/// See the example of [`SolidOptions`](crate::SolidOptions).
 #[derive(Debug, Clone, PartialEq)]
 pub struct MujocoOptions {
     /// A Python interpreter that may have the module `mujoco`: a path, or a name on the PATH. If

@@ -24,7 +24,9 @@ use crate::surface::bvh::build::Leaves;
 use crate::surface::bvh::tree::Bvh;
 use crate::surface::coplanar::pieces::EXACT;
 
-/// Two surfaces, prepared for sums over both wherever these are asked for.
+/// Two surfaces, prepared for contact sums at any pose, or at the poses of a box.
+///
+/// See the example of [`ContactSum`].
 #[derive(Debug, Clone)]
 pub struct ContactSurfaces {
     surface: Arc<TriangleMesh>,
@@ -43,6 +45,20 @@ struct Placing {
 
 /// The sum over both surfaces of two parts, `∬ (n1·n2) g(|q - y|) dA1 dA2`, at any pose of one part
 /// in the frame of the other.
+///
+/// ```
+/// use glam::{DQuat, DVec3};
+/// use sdf_grid::{ContactSum, shapes};
+///
+/// let cube = shapes::cuboid(DVec3::splat(0.01))?;
+/// let sum = ContactSum::new(&cube, &cube, 0.0005, 0.001)?;
+/// // Face to face the normals oppose each other: negative, cubic metres.
+/// let at = |x| sum.sum(DQuat::IDENTITY, DVec3::new(x, 0.0, 0.0)).value;
+/// assert!(at(0.01) < 0.0 && at(0.0) > 0.0);
+/// // Beyond its reach there is nothing.
+/// assert_eq!(at(0.011 + sum.reach()), 0.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct ContactSum {
     visible: VisiblePatches,
@@ -51,6 +67,8 @@ pub struct ContactSum {
 }
 
 /// A contact sum and its derivatives, for densities that jump by one across both surfaces.
+///
+/// See the example of [`ContactSum`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ContactSums {
     /// The sum, cubic metres.

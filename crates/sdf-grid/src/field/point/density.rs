@@ -13,6 +13,8 @@ use crate::surface::coplanar::pieces;
 use crate::surface::face::Face;
 
 /// The two unit parts of the density at one point.
+///
+/// See the example of [`DensityProbe`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct UnitDensity {
     /// Unit exterior density, dimensionless; zero inside the part.
@@ -112,6 +114,20 @@ impl<'a> PointDensity<'a> {
 
 /// The density of one mesh at single points in f64, through the hierarchy that fields are computed
 /// with.
+///
+/// ```
+/// use glam::DVec3;
+/// use sdf_grid::{DensityKernel, DensityProbe, shapes};
+///
+/// let cube = shapes::cuboid(DVec3::splat(0.01))?;
+/// let probe = DensityProbe::new(&cube, &DensityKernel::new(0.2)?)?;
+/// let outside = probe.at(DVec3::new(0.0, 0.0, 0.006)).expect("off the boundary");
+/// assert_eq!(outside.interior.norm(), 0.0);
+/// // Twice the weight of the exterior, twice the density.
+/// assert_eq!(outside.combined(2.0, 1.0), outside.exterior * 2.0);
+/// assert!(probe.at(DVec3::new(0.0, 0.0, 0.005)).is_none());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct DensityProbe {
     bvh: Bvh,

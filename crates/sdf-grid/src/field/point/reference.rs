@@ -10,6 +10,20 @@ use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::face::{Face, Piece};
 
 /// Evaluates distance, winding number and density of one mesh point by point.
+///
+/// ```
+/// use glam::DVec3;
+/// use sdf_grid::{DensityKernel, DensityProbe, ReferenceDensity, shapes};
+///
+/// let cube = shapes::cuboid(DVec3::splat(0.01))?;
+/// let kernel = DensityKernel::new(0.2)?;
+/// let reference = ReferenceDensity::new(&cube, &kernel);
+/// let p = DVec3::new(0.001, 0.002, 0.004);
+/// assert!((reference.signed_distance(p) + 0.001).abs() < 1e-12);
+/// let fast = DensityProbe::new(&cube, &kernel)?.at(p).expect("off the boundary");
+/// assert!((reference.unit_density(p, 1e-6).interior - fast.interior).norm() < 1e-7);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct ReferenceDensity {
     triangles: Vec<Face>,

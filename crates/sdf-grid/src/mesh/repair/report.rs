@@ -5,6 +5,8 @@ use serde::{Deserialize, Serialize};
 use crate::mesh::aabb::Aabb;
 
 /// Options of the repair of a mesh: its tolerances.
+///
+/// See the example of [`RepairReport`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct RepairOptions {
@@ -27,6 +29,8 @@ impl Default for RepairOptions {
 }
 
 /// Findings and changes in one component of the surface.
+///
+/// See the example of [`RepairReport`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ComponentReport {
     /// Triangles kept.
@@ -41,6 +45,23 @@ pub struct ComponentReport {
 }
 
 /// Findings and changes of the repair of a mesh.
+///
+/// ```
+/// use glam::DVec3;
+/// use sdf_grid::{RepairOptions, TriangleMesh, shapes};
+///
+/// // A cube, one face of which is the wrong way round.
+/// let cube = shapes::cuboid(DVec3::splat(0.01))?;
+/// let mut triangles = cube.triangles().to_vec();
+/// triangles[0].swap(1, 2);
+/// let vertices = cube.vertices().to_vec();
+/// let options = RepairOptions::default();
+/// let (_, report) = TriangleMesh::clean("cube", vertices, triangles, &options)?;
+/// assert!(report.watertight && report.flipped_faces == 1);
+/// assert!((report.per_component[0].volume - 1e-6).abs() < 1e-15);
+/// assert_eq!(report.warnings().len(), 1);
+/// # Ok::<(), sdf_grid::MeshError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RepairReport {
     /// File or part name.

@@ -11,6 +11,15 @@ use crate::mesh::triangle_mesh::TriangleMesh;
 ///
 /// The block is 40 mm x 40 mm x 30 mm, the peg 30 mm long; both are centred on the origin with the
 /// axis along z, so the identity is the assembled pose, in which the end faces are flush.
+///
+/// ```
+/// use sdf_grid::shapes::PegInHole;
+///
+/// let (block, peg) = PegInHole::Rectangular.pair(0.0)?;
+/// // Without clearance the peg fills the hole: 40 mm x 40 mm x 30 mm in all.
+/// assert!((block.volume() + peg.volume() - 4.8e-5).abs() < 1e-12);
+/// # Ok::<(), sdf_grid::MeshError>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PegInHole {

@@ -10,6 +10,20 @@ use crate::surface::coplanar::pieces;
 use crate::surface::face::{Face, Piece};
 
 /// A bounding volume hierarchy over the triangles of one mesh.
+///
+/// ```
+/// use glam::DVec3;
+/// use sdf_grid::{Bvh, shapes};
+///
+/// let tree = Bvh::build(&shapes::cuboid(DVec3::splat(0.01))?);
+/// let above = DVec3::new(0.0, 0.0, 0.007);
+/// assert!((tree.nearest(above).point.z - 0.005).abs() < 1e-15);
+/// assert!(tree.nearest_within(above, 0.001).is_none());
+/// // Outside, then inside.
+/// assert!((tree.signed_distance(above) - 0.002).abs() < 1e-12);
+/// assert!((tree.signed_distance(DVec3::ZERO) + 0.005).abs() < 1e-12);
+/// # Ok::<(), sdf_grid::MeshError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Bvh {
     pub(crate) nodes: Vec<Node>,
@@ -23,6 +37,8 @@ pub struct Bvh {
 }
 
 /// The boundary point closest to a query point.
+///
+/// See the example of [`Bvh`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Nearest {
     /// Its distance from the query point, metres.

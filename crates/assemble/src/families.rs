@@ -22,12 +22,7 @@ pub(crate) fn moved_joint(joint: &Joint, motion: &Pose) -> Joint {
 /// Whether a joint that holds a part at one pose carries it to another: by a turn about its axis and
 /// the slide that goes with it, however far both go.
 pub(crate) fn carries(joint: &Joint, from: &Pose, to: &Pose, bounds: &Aabb) -> bool {
-    let free = [
-        JointKind::Revolute,
-        JointKind::Screw,
-        JointKind::Cylindrical,
-    ];
-    if !free.contains(&joint.kind) {
+    if !joint.kind.turns() {
         return false;
     }
     let between = to.rotation * from.rotation.conjugate();
@@ -57,12 +52,12 @@ pub(crate) fn carries(joint: &Joint, from: &Pose, to: &Pose, bounds: &Aabb) -> b
 /// where it may turn there, by its axis alone.
 pub(crate) fn turned(from: &(Pose, Joint), to: &Pose, symmetries: &[Pose]) -> f64 {
     let (at, joint) = from;
-    match joint.kind {
-        JointKind::Revolute | JointKind::Screw | JointKind::Cylindrical => {
+    match joint.kind.turns() {
+        true => {
             let (axis, _) = joint.in_moving_frame(at);
             joint.axis.angle_between(to.rotation * axis)
         }
-        _ => (symmetries.iter())
+        false => (symmetries.iter())
             .map(|s| at.angle_to(&(*to * *s)))
             .fold(f64::INFINITY, f64::min),
     }

@@ -20,6 +20,9 @@ const UNLIKE: f64 = 6.0;
 const TURNED: f64 = 1.0;
 const PARALLEL: f64 = 0.05;
 
+/// What it may cost to set a part straight, nats.
+const STRAIGHT: f64 = 3.0;
+
 /// A shape in its place.
 #[derive(Debug, Clone)]
 pub(crate) struct Placed {
@@ -133,20 +136,38 @@ impl Subassembly {
         whole
     }
 
-    /// The same with every part that may turn, from the `known` first ones on, turned so that planes
-    /// of it and of what is there are parallel, where it is held about as well: a leg in its thread.
+    /// The same with every part that may turn, from the `known` first ones on, turned so that its
+    /// planes are parallel to those of the parts that may not turn or were turned before, where all
+    /// others hold it about as well: a leg in its thread.
     pub(crate) fn straight(&self, shapes: &[Shape], clearance: Option<f64>, known: usize) -> Self {
         let mut meshes = self.meshes(shapes);
         let mut straight = self.clone();
-        for (i, placed) in straight.placed.iter_mut().enumerate().skip(known) {
+        // The joint that held a part when it was placed may be another by now.
+        let is_set = |i: usize| {
             let rest = all_but(&meshes, i);
             let search = MatingSearch::new(&rest, &meshes[i], options(clearance));
+            let joint = || search.describe(&[Pose::IDENTITY]).pop().map(|h| h.joint);
+            i < known.max(1) || joint().is_none_or(|joint| !joint.kind.turns())
+        };
+        let mut set: Vec<bool> = (0..meshes.len()).into_par_iter().map(is_set).collect();
+        for (i, placed) in straight.placed.iter_mut().enumerate() {
+            if set[i] {
+                continue;
+            }
+            let already = meshes.iter().zip(&set).filter(|(_, set)| **set);
+            let already = TriangleMesh::joined(already.map(|(mesh, _)| mesh));
+            let search = MatingSearch::new(&already, &meshes[i], options(clearance));
             let found = search.straight(&Pose::IDENTITY);
-            if found.pose != Pose::IDENTITY {
+            let rest = all_but(&meshes, i);
+            let search = MatingSearch::new(&rest, &meshes[i], options(clearance));
+            let rank = |pose: &Pose| search.measure(pose).rank;
+            if found.pose != Pose::IDENTITY && rank(&found.pose) > rank(&Pose::IDENTITY) - STRAIGHT
+            {
                 placed.pose = found.pose * placed.pose;
                 placed.joint = found.joint;
                 meshes[i] = moved(&shapes[placed.shape].mesh, &placed.pose);
             }
+            set[i] = true;
         }
         straight
     }

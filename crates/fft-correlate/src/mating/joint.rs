@@ -86,6 +86,11 @@ impl JointKind {
         Self::Ball,
     ];
 
+    /// Whether the part may turn about one axis.
+    pub fn turns(self) -> bool {
+        matches!(self, Self::Revolute | Self::Cylindrical | Self::Screw)
+    }
+
     /// The kind of this name, if it determines the pose up to its motions.
     pub fn determined(name: &str) -> Option<Self> {
         (Self::DETERMINED.into_iter()).find(|kind| kind.name() == name)
@@ -228,10 +233,7 @@ impl MatingContact {
     /// Gives a joint that turns the exact axis of the fixed part that it turns about: a part that leans
     /// in its play does not lean the axis.
     fn snap(&self, joint: &mut Joint) {
-        if !matches!(
-            joint.kind,
-            JointKind::Revolute | JointKind::Cylindrical | JointKind::Screw
-        ) {
+        if !joint.kind.turns() {
             return;
         }
         let same = self.axes.iter().find(|axis| {

@@ -43,7 +43,7 @@ pub(crate) const SERIES: [RGBColor; MOST_SERIES] = [
 pub(crate) fn alike(a: RGBColor, b: RGBColor) -> bool {
     let [a, b] = [a, b].map(|c| [c.0, c.1, c.2]);
     let apart: u32 = (0..3).map(|i| u32::from(a[i].abs_diff(b[i]))).sum();
-    apart < 100
+    apart < 90
 }
 
 /// What a curve stands for, if its colour is to say so.

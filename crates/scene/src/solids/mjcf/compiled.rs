@@ -135,7 +135,13 @@ fn understood(
             "ellipsoid" => Geometry::Ellipsoid(DVec3::new(a, b, c)),
             "mesh" | "sdf" => match found.mesh.and_then(|i| meshes.get(i)) {
                 Some(mesh) => Geometry::Triangles(mesh.clone()),
-                None => return Err(odd("a geom of a mesh that is not there".to_owned()).into()),
+                None => {
+                    return Err(odd(format!(
+                        "a geom of {}",
+                        (found.mesh).map_or("no mesh".to_owned(), |i| format!("mesh {i}"))
+                    ))
+                    .into());
+                }
             },
             "plane" | "hfield" => continue,
             other => return Err(odd(format!("a geom of type {other}")).into()),

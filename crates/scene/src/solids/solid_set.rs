@@ -282,7 +282,7 @@ impl SolidSet {
         let Some(group) = group else {
             let listed = groups.iter().take(20).enumerate();
             let names: Vec<String> = listed
-                .map(|(i, g)| format!("{} {}", i + 1, quoted(&g.1)))
+                .map(|(i, g)| format!("{} {}", i + 1, quoted(g.1)))
                 .collect();
             return Err(ImportError::Solid {
                 path: self.path.clone(),

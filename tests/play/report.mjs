@@ -82,12 +82,27 @@ export async function report() {
     }
     const felt = join(folder, "felt.html");
     make(folder, "feel", join(folder, "rectangular.toml"), "--seconds", "1", "--report", felt, "-q");
-    const page = await view(felt, 390, 844, "dark");
-    assert.deepEqual(await sticking(page), []);
-    const type = await page.evaluate(() => Math.min(...[...document.querySelectorAll("svg text")]
-        .filter((text) => text.checkVisibility()).map((text) => text.getBoundingClientRect().height)));
-    assert(type > 10, `type of ${type} px`);
-    await shot(page, "report-felt");
-    await page.close();
+    for (const scheme of ["light", "dark"]) {
+        for (const [name, width, height] of [["wide", 1440, 900], ["phone", 390, 844]]) {
+            const page = await view(felt, width, height, scheme);
+            assert(await colours(page) > 20, "no parts in the picture");
+            const tall = await page.evaluate(() => document.documentElement.scrollHeight);
+            assert(tall < 2 * height, `${tall} px high`);
+            await page.locator("#run-energy-tab").click();
+            assert(await page.locator("#run-energy").isVisible());
+            await page.locator("input[type=range]").fill("1000");
+            assert.match(await page.locator(".said").innerText(), /^[01]\.\d\d s, energy .* force/);
+            await shot(page, `report-felt-${name}-${scheme}`);
+            await page.evaluate(() => document.querySelectorAll("details")
+                .forEach((one) => { one.open = true; }));
+            assert.deepEqual(await sticking(page), []);
+            const type = await page.evaluate(() => Math.min(...[...document.querySelectorAll("svg text")]
+                .filter((text) => text.checkVisibility())
+                .map((text) => text.getBoundingClientRect().height)));
+            assert(type > 10, `type of ${type} px`);
+            assert.deepEqual(page.complaints, []);
+            await page.close();
+        }
+    }
     rmSync(folder, { recursive: true });
 }

@@ -7,6 +7,10 @@ A comment just before a block says what a reader need not see:
     <!-- also: COMMAND -->        done before the block
     <!-- without: WORDS: WHY -->  lines with these words are left out, and why
     <!-- not run: WHY -->         the block is not run, and why
+    <!-- printed by: WORDS -->    the block is what the last block that holds these words printed
+
+Of what is printed, `...` stands for any text or, alone on a line, for any lines; a number with decimals
+may differ by one in its last digit, and spaces may differ.
 """
 
 from __future__ import annotations
@@ -19,7 +23,8 @@ ROOT = Path(__file__).resolve().parents[2]
 
 #: Words of a shell block that make it one to be run.
 COMMAND = re.compile(r"^(.*[|&;(] *|.*\s)?pegfit [a-z]", re.MULTILINE)
-MARK = re.compile(r"^<!-- (file|exit|also|without|not run): (.*) -->$")
+MARK = re.compile(r"^<!-- (file|exit|also|without|not run|printed by): (.*) -->$")
+NUMBER = re.compile(r"[-\u2212]?\d+(?:\.\d+)?(?:e[-+\u2212]?\d+)?")
 
 
 @dataclass
@@ -34,7 +39,7 @@ class Block:
     @property
     def runs(self) -> bool:
         """Whether it is one that has to be run or marked."""
-        if self.language in ("python", "file"):
+        if self.language in ("python", "file") or "printed by" in self.marks:
             return True
         return self.language in ("sh", "", "bash") and bool(COMMAND.search(self.text))
 
@@ -87,3 +92,42 @@ def _block(lines: list[str], at: int) -> tuple[Block, int]:
     # Python in the middle of a page of shell is told by its first word.
     python = re.match(r"(import|from|def) ", text) is not None
     return Block(first + 1, "python" if python else "", text), at - 1
+
+
+def differs(expected: str, found: str) -> str:
+    """Where a text that was printed is not what stands on a page; nothing where it is."""
+    rest = [line for line in found.split("\n") if line.strip()]
+    free = False
+    for line in (line.strip() for line in expected.split("\n")):
+        if line in ("", "..."):
+            free = free or line == "..."
+            continue
+        while free and rest and not _same(line, rest[0]):
+            rest.pop(0)
+        if not rest or not _same(line, rest[0]):
+            return f"expected: {line}\nfound: {rest[0] if rest else 'the end'}\nin:\n{found}"
+        rest.pop(0)
+        free = False
+    return f"expected: the end\nfound: {rest[0]}" if rest and not free else ""
+
+
+def _same(expected: str, found: str) -> bool:
+    """Whether two lines are the same but for what may differ."""
+
+    def literal(text: str) -> str:
+        return ".*".join(r"\s+".join(map(re.escape, re.split(r"\s+", t))) for t in text.split("..."))
+
+    numbers = NUMBER.findall(expected)
+    pattern = f"({NUMBER.pattern})".join(literal(t) for t in NUMBER.split(expected))
+    match = re.fullmatch(pattern, found.strip())
+    return match is not None and all(map(_near, numbers, match.groups()))
+
+
+def _near(expected: str, found: str) -> bool:
+    """Whether two numbers are the same or, of those with decimals, one apart in the last digit."""
+    expected, found = (text.replace("\u2212", "-") for text in (expected, found))
+    digits, _, power = expected.partition("e")
+    decimals = len(digits.partition(".")[2])
+    if not (decimals or power):
+        return expected == found
+    return abs(float(expected) - float(found)) < 1.01 * 10.0 ** (int(power or 0) - decimals)

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import pegfit
-from pages import ROOT, Block, blocks, pages
+from pages import ROOT, Block, blocks, differs, pages
 
 #: A pair of 2 cm on a lattice that makes every command a matter of seconds.
 SCENE = """
@@ -90,11 +90,12 @@ def prepare(block: Block, folder: Path) -> None:
         subprocess.run(["bash", "-ec", block.marks["also"]], cwd=folder, check=True)
 
 
-def run(block: Block, folder: Path) -> None:
+def run(block: Block, folder: Path) -> str:
+    """What it prints."""
     prepare(block, folder)
     if block.language == "file":
         (folder / block.marks["file"]).write_text(block.text + "\n")
-        return
+        return ""
     if block.language == "python":
         script = folder / "block.py"
         script.write_text(block.text + "\n")
@@ -112,6 +113,16 @@ def run(block: Block, folder: Path) -> None:
     )
     right = [int(code) for code in block.marks.get("exit", "0").split()]
     assert done.returncode in right, f"exit {done.returncode}\n{block.text}\n{done.stderr}"
+    return done.stdout
+
+
+def compare(block: Block, printed: list[tuple[str, str]]) -> None:
+    """What a page says is printed with what was: texts of blocks and what they printed."""
+    words = block.marks["printed by"]
+    outputs = [output for text, output in printed if words in text]
+    assert outputs, f"no block that was run holds `{words}`"
+    difference = differs(block.text, outputs[-1])
+    assert not difference, difference
 
 
 def to_run(page: Path) -> list[Block]:
@@ -137,9 +148,13 @@ def begins_another(page: Path) -> bool:
 def test_what_a_page_says_can_be_done(page, samples, tmp_path):
     folder = tmp_path / "work"
     shutil.copytree(samples, folder)
+    printed: list[tuple[str, str]] = []
     for block in to_run(page):
         try:
-            run(block, folder)
+            if "printed by" in block.marks:
+                compare(block, printed)
+            else:
+                printed.append((block.text, run(block, folder)))
         except (AssertionError, subprocess.SubprocessError) as error:
             pytest.fail(f"{page.relative_to(ROOT)}:{block.line}: {error}", pytrace=False)
 
@@ -152,6 +167,37 @@ def test_the_first_page_shows_what_the_readme_runs():
         return [line.split("#")[0].rstrip() for line in first.text.split("\n")]
 
     assert code("docs/index.md") == code("README.md") and len(code("README.md")) == 5
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs/how-to").glob("*.md")), ids=lambda p: p.stem)
+def test_a_how_to_ends_with_what_one_should_see(page):
+    """Printed by a command that is run, or a picture that a command makes."""
+    end = page.read_text().rpartition("\n## ")[2]
+    assert end.startswith("What you should see\n"), end.split("\n")[0]
+    assert "<!-- printed by: " in end
+
+
+def test_what_is_printed_is_compared():
+    said = "3 parts\n\nforce  1.25 N\ntook 2 s\n"
+    for page in (
+        "3 parts\nforce 1.24 N\ntook 2 s",
+        "3 parts\nforce 1.3 N\n...",
+        "...\ntook ...",
+        "... parts\n...",
+        "3 parts\n...\ntook 2 s",
+    ):
+        assert not differs(page, said), page
+    for page in (
+        "4 parts\n...",
+        "3 parts\nforce 1.23 N\n...",
+        "3 parts\nforce -1.25 N\n...",
+        "3 parts\nforce 1.25 N",
+        "3 parts\ntook 2 s",
+        "...\n3 parts",
+        "...\ntook 2 s\nand more",
+    ):
+        assert differs(page, said), page
+    assert not differs("error 1.2e-7", "error 1.3e-7") and differs("error 1.2e-7", "error 1.2e-6")
 
 
 def test_what_is_not_run_says_why():

@@ -237,7 +237,7 @@ impl HapticConfig {
         )?;
         let most = coupling.evaluations;
         let key = "coupling.evaluations";
-        check(key, most.into(), "1 ..= 16", (1..=16).contains(&most))?;
+        check(key, most.into(), "1 to 16", (1..=16).contains(&most))?;
         for (key, found) in [
             ("workspace_scale", self.workspace_scale),
             ("stale_s", self.stale_s),
@@ -274,13 +274,13 @@ impl HapticConfig {
             check(key, found, "a number >= 0", found >= 0.0)?;
         }
         let gain = pid.gain;
-        check("pid.gain", gain, "0 ..= 1", (0.0..=1.0).contains(&gain))?;
+        check("pid.gain", gain, "0 to 1", (0.0..=1.0).contains(&gain))?;
         for found in pid.signs {
             check("pid.signs", found, "1 or -1", found.abs() == 1.0)?;
         }
         let zone = mouse.dead_zone;
         let key = "spacemouse.dead_zone";
-        check(key, zone, "0 ..= 0.9", (0.0..=0.9).contains(&zone))
+        check(key, zone, "0 to 0.9", (0.0..=0.9).contains(&zone))
     }
 }
 

@@ -13,7 +13,7 @@ use haptic::{ConfigError, HapticError};
 use pegfit_scene::SceneError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sdf_grid::text::shown_lines;
+use sdf_grid::text::{quoted, shown_lines};
 use sdf_grid::{CacheError, DensityError, KernelError, LatticeError, MeshError};
 
 mod errors {
@@ -192,7 +192,7 @@ impl From<MeshError> for Failure {
                 found,
             } => said
                 .about(
-                    format!("solid {wanted:?}"),
+                    format!("solid {}", quoted(&wanted)),
                     "one",
                     format!("{matches} of that name among {found}"),
                 )
@@ -322,7 +322,7 @@ impl From<LatticeError> for Failure {
             LatticeError::Size { shape, limit } => said.about(
                 "nodes",
                 format!("at least 1 per axis and at most {limit} in all"),
-                format!("{shape:?}"),
+                shape.map(|n| n.to_string()).join(" x "),
             ),
         }
     }

@@ -14,7 +14,7 @@ use ndarray::Array2;
 use numpy::{IntoPyArray, PyArray2};
 use pegfit::SessionReport;
 use pyo3::prelude::*;
-use sdf_grid::atomic;
+use sdf_grid::{TriangleMesh, atomic};
 use serde_json::{Map, Value};
 
 use crate::failure::{Failure, Kind};
@@ -85,6 +85,8 @@ pub(crate) struct Felt {
     spec: DeviceSpec,
     config: HapticConfig,
     outcome: Outcome,
+    /// The fixed part and the moving one where the scene puts them.
+    surfaces: Vec<TriangleMesh>,
 }
 
 #[pymethods]
@@ -110,6 +112,7 @@ impl Felt {
             outcome: &self.outcome,
             events: &[],
             pairs: Vec::new(),
+            parts: self.surfaces.clone(),
         };
         let drawn = || {
             page.html()
@@ -156,6 +159,12 @@ pub(crate) fn feel(
     };
     let parts = Arc::clone(&pair.parts);
     let config = parts.device.clone();
+    let setup = &parts.setup;
+    let surfaces = [
+        (&setup.fixed, setup.placement.fixed),
+        (&setup.moving, setup.placement.moving),
+    ];
+    let surfaces = surfaces.map(|(mesh, at)| mesh.transformed(at.rotation, at.translation));
     let (spec, outcome) = run(py, progress.as_ref(), move |watch| {
         hold(&parts, &source, script, hand, clock, watch)
     })?;
@@ -165,6 +174,7 @@ pub(crate) fn feel(
         spec,
         config,
         outcome,
+        surfaces: surfaces.into(),
     })
 }
 

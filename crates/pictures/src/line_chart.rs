@@ -5,7 +5,7 @@ use plotters::prelude::*;
 use crate::axis::Axis;
 use crate::canvas::{Area, Drawing, PAPER, stroke};
 use crate::rules::{
-    Entry, FAINT, FORCE, GRID, INK, Quantity, SERIES, are_whole, legend, text, text_size,
+    Entry, FAINT, FORCE, GRID, INK, Quantity, SERIES, alike, are_whole, legend, text, text_size,
     tick_count, titled,
 };
 
@@ -100,12 +100,17 @@ impl LineChart {
         Ok(())
     }
 
-    /// Colours go by turns among curves that stand for nothing in particular.
+    /// Colours go by turns among curves that stand for nothing in particular, leaving out those like
+    /// the colour of a quantity in the chart.
     fn colour(&self, index: usize) -> RGBColor {
+        if let Some(quantity) = self.series[index].quantity {
+            return quantity.colour();
+        }
+        let taken = || self.series.iter().filter_map(|s| s.quantity);
+        let free = |c: &&RGBColor| !taken().any(|q| alike(**c, q.colour()));
+        let free: Vec<&RGBColor> = SERIES.iter().filter(free).collect();
         let before = self.series[..index].iter();
-        let plain = before.filter(|s| s.quantity.is_none()).count();
-        let next = SERIES[plain % SERIES.len()];
-        self.series[index].quantity.map_or(next, Quantity::colour)
+        *free[before.filter(|s| s.quantity.is_none()).count() % free.len()]
     }
 
     /// Of a single curve the axis says what it is.

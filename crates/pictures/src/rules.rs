@@ -39,6 +39,13 @@ pub(crate) const SERIES: [RGBColor; MOST_SERIES] = [
     RGBColor(110, 110, 110),
 ];
 
+/// Whether two colours can be taken for each other.
+pub(crate) fn alike(a: RGBColor, b: RGBColor) -> bool {
+    let [a, b] = [a, b].map(|c| [c.0, c.1, c.2]);
+    let apart: u32 = (0..3).map(|i| u32::from(a[i].abs_diff(b[i]))).sum();
+    apart < 90
+}
+
 /// What a curve stands for, if its colour is to say so.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
@@ -252,6 +259,7 @@ where
 mod tests {
     use super::*;
     use crate::canvas::{PAPER, svg};
+    use crate::colour::ColourMap;
 
     #[test]
     fn pictures_and_pages_have_the_same_colours() {
@@ -264,6 +272,8 @@ mod tests {
             ("force", FORCE),
             ("torque", TORQUE),
             ("energy", ENERGY),
+            ("positive", ColourMap::Diverging.at(0.9)),
+            ("negative", ColourMap::Diverging.at(0.1)),
         ];
         for (name, RGBColor(r, g, b)) in named {
             let line = format!("--{name}: #{r:02x}{g:02x}{b:02x};");
@@ -276,6 +286,15 @@ mod tests {
             names.collect::<Vec<_>>()
         };
         assert_eq!(names(light), names(COLOURS.split("@media").nth(1).unwrap()));
+    }
+
+    #[test]
+    fn few_colours_are_like_that_of_a_quantity() {
+        for quantity in [Quantity::Force, Quantity::Torque, Quantity::Energy] {
+            let like = SERIES.into_iter().filter(|c| alike(*c, quantity.colour()));
+            assert!(like.count() <= 1, "{quantity:?}");
+        }
+        assert!(alike(FORCE, SERIES[1]) && alike(ENERGY, SERIES[2]));
     }
 
     #[test]

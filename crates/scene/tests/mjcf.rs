@@ -323,7 +323,7 @@ fn an_interpreter_that_misbehaves_is_stopped_or_refused() {
         )
     };
     let write = |geom: &str| run(&format!("cat > $3 <<'END'\n{}\nEND", model(geom)));
-    assert!(write(geom).unwrap_err().contains("mesh Some(4)"));
+    assert!(write(geom).unwrap_err().contains("a geom of mesh 4"));
     let geom = geom
         .replace("\"mesh\": 4", "\"mesh\": null")
         .replace("\"mesh\"", "\"sphere\"");

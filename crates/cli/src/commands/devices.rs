@@ -13,6 +13,7 @@ use haptic::log::{Recording, device_file, read_device};
 use haptic::{
     Device, DeviceError, DeviceSpec, DeviceState, HapticConfig, OperatorConfig, Replay, read_log,
 };
+use sdf_grid::text::quoted;
 use serde::Serialize;
 
 use crate::args::DevicesArgs;
@@ -248,9 +249,7 @@ fn explain<'a>(devices: impl IntoIterator<Item = &'a DeviceInfo>) {
 }
 
 fn which_text(which: &Which) -> String {
-    which
-        .name()
-        .map_or_else(String::new, |name| format!("{name:?}"))
+    which.name().map_or_else(String::new, quoted)
 }
 
 /// Time between two pictures.

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use fft_correlate::Pose;
 use haptic::scene::PairState;
 use haptic::{Clock, Device, DeviceSpec, LoopReport, Outcome, Replay, Sample, Script};
 use pegfit_scene::{LivePairs, Scene};
@@ -48,7 +49,7 @@ pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(),
         ScriptChoice::Snap => Script::Snap,
         ScriptChoice::Free => Script::Free,
     };
-    let pairs = load(args, context)?;
+    let (scene, pairs) = load(args, context)?;
     let SessionResult {
         title,
         spec,
@@ -59,7 +60,7 @@ pub(in crate::commands) fn run(args: &FeelArgs, context: &Context) -> Result<(),
         draw(path, &outcome.samples, title.clone())?;
     }
     if let Some(path) = &args.report {
-        let page = report(title, &spec, &pairs, &outcome)?;
+        let page = report(title, &spec, &scene, &pairs, &outcome)?;
         atomic::write(path, page.as_bytes())?;
     }
     let summary = JsonReport {
@@ -88,8 +89,8 @@ fn check_outputs(args: &FeelArgs) -> Result<(), CommandError> {
     args.log.as_deref().map_or(Ok(()), parquet_log::require)
 }
 
-/// Loads what is in reach of the fit.
-fn load(args: &FeelArgs, context: &Context) -> Result<LivePairs, CommandError> {
+/// Reads the scene and loads what is in reach of the fit.
+fn load(args: &FeelArgs, context: &Context) -> Result<(Scene, LivePairs), CommandError> {
     let mut scene = Scene::read(&args.scene)?;
     if matches!(args.device, DeviceChoice::Replay(_)) {
         // A replay waits for nobody, so that all rotations of a table have to be there before.
@@ -106,7 +107,7 @@ fn load(args: &FeelArgs, context: &Context) -> Result<LivePairs, CommandError> {
     let quiet: Arc<dyn Monitor + Send> = Arc::new(Progress::new(true));
     let pairs = LivePairs::start(&scene, assembly, args.table.as_deref(), &quiet)?;
     scenes::print_warnings(&pairs.warnings, context);
-    Ok(pairs)
+    Ok((scene, pairs))
 }
 
 /// Runs the loop with the device that was asked for.
@@ -214,6 +215,7 @@ fn draw(png: &Path, samples: &[Sample], title: String) -> Result<(), CommandErro
 fn report(
     title: String,
     spec: &DeviceSpec,
+    scene: &Scene,
     pairs: &LivePairs,
     outcome: &Outcome,
 ) -> Result<String, CommandError> {
@@ -226,7 +228,9 @@ fn report(
         PairState::Failed => "could not be loaded".to_owned(),
         PairState::NoRoom => "not loaded: no room in the scene's memory".to_owned(),
     });
-    let scene = pairs.assembly.scene();
+    let setup = &pairs.assembly.setup;
+    let mut parts = setup.all_fixed(scene)?;
+    parts.push(setup.moving_at(&Pose::IDENTITY));
     let page = SessionReport {
         title,
         subject: format!("Scene {}", scene.path.display()),
@@ -235,6 +239,7 @@ fn report(
         outcome,
         events: &pairs.live.events(),
         pairs: pairs.names.iter().cloned().zip(states).collect(),
+        parts,
     };
     Ok(page.html()?)
 }

@@ -45,11 +45,6 @@ impl Page {
         self.0.push('\n');
     }
 
-    /// Adds a heading, which is HTML.
-    pub(crate) fn heading(&mut self, html: &str) {
-        self.push(&format!("<h2>{html}</h2>"));
-    }
-
     /// Adds a paragraph, which is HTML.
     pub(crate) fn paragraph(&mut self, html: &str) {
         self.push(&format!("<p>{html}</p>"));
@@ -86,6 +81,14 @@ impl Page {
             self.0 += &cells("td", &row);
         }
         self.push("</table></div>");
+    }
+
+    /// Adds what `add` adds, folded behind a heading, which is HTML; gives what `add` gives.
+    pub(crate) fn folded<T>(&mut self, heading: &str, add: impl FnOnce(&mut Self) -> T) -> T {
+        self.push(&format!("<details>\n<summary>{heading}</summary>"));
+        let given = add(self);
+        self.push("</details>");
+        given
     }
 
     /// The page as HTML, with a script at its end.

@@ -6,6 +6,7 @@ use fft_correlate::{Placement, Pose};
 use pegfit_path::{Effort, EnergyBarrier, Motion, Outcome, PathPose, PathResult};
 use pegfit_pictures::{LineChart, PictureError, Quantity, Series};
 use pegfit_scene::poses::{POSE_COLUMNS, pose_fields};
+use sdf_grid::text::significant;
 use sdf_grid::{LengthUnit, TriangleMesh};
 use serde::Serialize;
 
@@ -279,9 +280,9 @@ pub(crate) fn print(report: &PathReport) {
         result.step / metre
     );
     say!(
-        "  largest overlap {:.5} {unit}, {:.2e} {unit}³; up to {:.5} {unit} count as contact",
+        "  largest overlap {:.5} {unit}, {} {unit}³; up to {:.5} {unit} count as contact",
         result.deepest().1 / metre,
-        result.volume / metre.powi(3),
+        significant(result.volume / metre.powi(3), 3),
         result.tolerance / metre
     );
     if let (Some(climb), Some(depth)) = (&result.barrier, result.depth) {

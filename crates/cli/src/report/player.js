@@ -257,7 +257,9 @@ function words(data, { pose, act }) {
     ? `, energy ${signed(1e3 * pose.force[0], 1)} mJ, force ${signed(pose.force[1], 2)} N` : '';
   const overlap = pose.overlap > 0 ? `, overlap ${signed(1e3 * pose.overlap, 4)} mm` : '';
   const what = data.acts.length > 1 ? `${act.said}: ` : '';
-  return `${what}${signed(1e3 * pose.length, 1)} mm ${data.towards}${overlap}${force}`;
+  const where = pose.time === undefined
+    ? `${signed(1e3 * pose.length, 1)} mm ${data.towards}` : `${signed(pose.time, 2)} s`;
+  return `${what}${where}${overlap}${force}`;
 }
 
 function player(root) {
@@ -270,8 +272,9 @@ function player(root) {
   slider.max = Math.max(0, frames.length - 1);
   slider.step = 'any';
   slider.value = data.start;
-  // In which all of it is played, seconds.
-  const lasts = 4 * Math.max(1, data.acts.length);
+  // In which all of it is played, seconds: what has times, in its own.
+  const [first, last] = [frames[0], frames[frames.length - 1]].map((frame) => frame?.pose.time);
+  const lasts = last - first || 4 * Math.max(1, data.acts.length);
 
   function draw() {
     if (frames.length === 0) {

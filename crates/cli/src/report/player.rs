@@ -1,6 +1,7 @@
 //! Parts in space on a page, which slide along their paths.
 
 use fft_correlate::Placement;
+use haptic::Sample;
 use pegfit_path::PathResult;
 use pegfit_scene::poses::pose_fields;
 use sdf_grid::TriangleMesh;
@@ -19,13 +20,13 @@ pub(crate) struct Act {
     /// Which parts move as one, and which stay; others are not shown.
     pub(crate) moving: Vec<usize>,
     pub(crate) staying: Vec<usize>,
-    /// The poses of those that move: of [`poses`], or of [`pose`] each.
+    /// The poses of those that move: of [`poses`] or [`run_poses`], or of [`pose`] each.
     pub(crate) poses: Vec<Value>,
 }
 
 /// What is shown.
 pub(crate) struct Player<'a> {
-    /// Where the motions lead: `in` or `out`.
+    /// Where the motions lead: `in` or `out`; not said of poses with times.
     pub(crate) towards: &'static str,
     /// Surfaces in the scene, metres.
     pub(crate) parts: &'a [&'a TriangleMesh],
@@ -73,6 +74,19 @@ pub(crate) fn pose(
     force: Option<[f64; 3]>,
 ) -> Value {
     json!({ "pose": pose_fields(at), "length": length, "overlap": overlap, "force": force })
+}
+
+/// Most poses of a run: more could not be told apart.
+const MOST_POSES: usize = 600;
+
+/// The poses of a run of the loop, at their times.
+pub(crate) fn run_poses(samples: &[Sample]) -> Vec<Value> {
+    let every = samples.len().div_ceil(MOST_POSES).max(1);
+    let one = |s: &Sample| {
+        let force = [s.energy, s.wrench.force.length(), s.wrench.torque.length()];
+        json!({ "pose": pose_fields(&s.object), "time": s.time, "overlap": 0.0, "force": force })
+    };
+    samples.iter().step_by(every).map(one).collect()
 }
 
 /// The poses of a path whose shapes are placed so.

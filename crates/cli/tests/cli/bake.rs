@@ -331,10 +331,10 @@ fn bad_tables_are_refused() {
     succeed(folder.path(), &resume);
     let whole = content(&table);
     for part in ["fixed_vertices", "moving_triangles"] {
-        let (name, bytes) = (whole
+        let (name, bytes) = whole
             .iter()
             .find(|(n, _)| n.starts_with(&format!("{part}/c")))
-            .unwrap());
+            .unwrap();
         std::fs::write(table.join(name), &bytes[..bytes.len() / 2]).unwrap();
         let described = pegfit(folder.path(), &["table", "t.zarr"]);
         assert_eq!(described.status.code(), Some(4));

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use fft_correlate::{Placement, Pose};
 use glam::{DQuat, DVec3};
+use serde_json::json;
 use tempfile::TempDir;
 
 use crate::common::{columns, cuboid_obj, refuse, scene_folder, succeed, words};
@@ -31,20 +32,39 @@ fn several_parts_are_felt_together_and_told_about_on_a_page() {
     let said = succeed(folder.path(), &args);
     assert!(said.contains("peak force"), "{said}");
     let page = std::fs::read_to_string(folder.path().join("r.html")).unwrap();
-    for word in [
-        "<svg",
+    let (first, folded) = page.split_once("<details>").unwrap();
+    for word in ["<svg", "greatest force", "limit"] {
+        assert!(first.contains(word), "{word}");
+    }
+    let words = [
         "Energy bookkeeping",
         "SCHED_FIFO",
         "part hole",
         "part wall",
         "not loaded: far away",
-        "input",
-        "deadlines left out",
-    ] {
-        assert!(page.contains(word), "{word}");
+    ];
+    for word in words {
+        assert!(folded.contains(word) && !first.contains(word), "{word}");
     }
-    // Nothing is fetched: no address, no script, no file.
-    for word in ["http", "<script", "src=", "url(", "@import"] {
+    // The part moves among all others.
+    let data = page.split("application/json\">").nth(1).unwrap();
+    let data: serde_json::Value =
+        serde_json::from_str(data.split("</script>").next().unwrap()).unwrap();
+    let act = &data["acts"][0];
+    assert_eq!(
+        (&act["moving"], &act["staying"]),
+        (&json!([3]), &json!([0, 1, 2]))
+    );
+    assert_eq!(data["parts"].as_array().unwrap().len(), 4);
+    let poses = act["poses"].as_array().unwrap();
+    assert!(poses.len() > 100 && poses[0]["pose"] != poses[poses.len() - 1]["pose"]);
+    assert!(
+        poses
+            .windows(2)
+            .all(|p| p[0]["time"].as_f64() < p[1]["time"].as_f64())
+    );
+    // Nothing is fetched: no address, no file.
+    for word in ["http", "src=", "url(", "@import"] {
         assert!(!page.contains(word), "{word}");
     }
 }

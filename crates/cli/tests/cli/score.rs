@@ -164,7 +164,7 @@ fn bad_scenes_are_refused_with_file_and_line() {
     let args = ["score", "--scene", "scene.toml", "--poses", "in.csv"];
     let said = refuse(folder.path(), &args);
     assert!(said.contains("scene.toml, line 11"), "{said}");
-    assert!(said.contains("unknown field `sigmoid`"), "{said}");
+    assert!(said.contains("unknown key `sigmoid`"), "{said}");
 
     let folder = scene_folder("");
     std::fs::write(folder.path().join("in.csv"), POSES).unwrap();

@@ -95,7 +95,11 @@ pub enum PairError {
     },
     /// The fields are not sampled alike, or smoothed: what smoothing takes from the products of
     /// densities, only a pair that is built from meshes knows ([`crate::PairBuilder`]).
-    #[error("both densities must be points or both cell averages, found {found:?}")]
+    #[error(
+        "both densities must be points or both cell averages, found {} and {}",
+        found[0].name(),
+        found[1].name()
+    )]
     Sampling {
         /// How the fixed and the moving part's are sampled.
         found: [Sampling; 2],

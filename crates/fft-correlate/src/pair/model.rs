@@ -90,7 +90,7 @@ impl ScoreModel {
         };
         check(
             "sigma",
-            "in 0.03..=0.5",
+            "from 0.03 to 0.5",
             self.sigma,
             (0.03..=0.5).contains(&self.sigma),
         )?;
@@ -98,12 +98,17 @@ impl ScoreModel {
             ("lambda_exterior", self.lambda_exterior),
             ("lambda_interior", self.lambda_interior),
         ] {
-            check(name, "in 1e-4..=1e4", weight, WEIGHTS.contains(&weight))?;
+            check(name, "from 1e-4 to 1e4", weight, WEIGHTS.contains(&weight))?;
         }
         let w = self.separation_weight;
         check("separation_weight", "in 0..=1", w, (0.0..=1.0).contains(&w))?;
         let gamma = self.gamma;
-        check("gamma", "in 1e-30..=1e30", gamma, GAMMAS.contains(&gamma))
+        check(
+            "gamma",
+            "from 1e-30 to 1e30",
+            gamma,
+            GAMMAS.contains(&gamma),
+        )
     }
 }
 

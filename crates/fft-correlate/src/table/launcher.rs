@@ -1,5 +1,7 @@
 //! The share of a batch that this process has, as the scheduler or MPI launcher states it.
 
+use sdf_grid::text::quoted;
+
 /// A process's place among those that work on one batch.
 ///
 /// ```no_run
@@ -25,7 +27,7 @@ pub struct Launcher {
 
 /// A launcher's variables contradict each other or are not numbers.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("environment: {name} must be {expected}, found {found:?}")]
+#[error("environment: {name} must be {expected}, found {}", quoted(found))]
 pub struct LauncherError {
     /// The variable.
     pub name: &'static str,

@@ -1,6 +1,7 @@
 //! What a table holds: everything that decides its values.
 
 use glam::DVec3;
+use sdf_grid::text::quoted;
 use sdf_grid::{FieldProvenance, Lattice};
 use serde::{Deserialize, Serialize};
 
@@ -223,9 +224,10 @@ impl TryFrom<StorageKeys> for Storage {
                 leave_out: keys.leave_out,
             }),
             found => Err(format!(
-                "storage.numbers must be {}, found {found:?}: bake the table again with \
+                "storage.numbers must be {}, found {}: bake the table again with \
                  `pegfit bake SCENE -o TABLE`",
-                Self::NUMBERS
+                Self::NUMBERS,
+                quoted(found)
             )),
         }
     }

@@ -370,7 +370,11 @@ fn csv_error(path: &Path, error: csv::Error) -> RecordError {
             path: path.to_owned(),
             line,
             expected: format!("{} fields of UTF-8 text", COLUMNS.len()),
-            found: format!("{kind:?}"),
+            found: match kind {
+                csv::ErrorKind::UnequalLengths { len, .. } => format!("{len} fields"),
+                csv::ErrorKind::Utf8 { .. } => "text that is not UTF-8".to_owned(),
+                _ => "none".to_owned(),
+            },
         },
     }
 }

@@ -1,7 +1,7 @@
 // One colour for one thing, in space, in charts and in words: those of the style sheet, light or dark.
 
 export type Colour = "fixed" | "inside" | "edge" | "moving" | "moving-edge" | "hand" | "force"
-    | "torque" | "energy" | "curve" | "soft" | "line";
+    | "torque" | "energy" | "curve" | "soft" | "line" | "positive" | "negative";
 
 const style = getComputedStyle(document.documentElement);
 

@@ -2,6 +2,7 @@
 
 import * as THREE from "three";
 import { toCreasedNormals } from "three/addons/utils/BufferGeometryUtils.js";
+import { hex } from "./colours";
 
 /** Faces that meet at less than this are drawn as one, radians. */
 const CREASE = 0.5;
@@ -22,10 +23,13 @@ export function edges(geometry: THREE.BufferGeometry): THREE.EdgesGeometry {
 }
 
 /** Red inside, blue outside, as in all pictures of densities; clear where there is nothing. */
-function colour(value: number, most: number): [number, number, number, number] {
-    const share = Math.min(1, Math.abs(value) / most) ** 0.6;
-    const [r, g, b] = value > 0 ? [202, 70, 40] : [45, 110, 190];
-    return [r, g, b, Math.round(235 * share)];
+function colours(most: number): (value: number) => [number, number, number, number] {
+    const [inside, outside] = [hex("positive"), hex("negative")];
+    return (value) => {
+        const rgb = value > 0 ? inside : outside;
+        const share = Math.min(1, Math.abs(value) / most) ** 0.6;
+        return [rgb >> 16, (rgb >> 8) & 255, rgb & 255, Math.round(235 * share)];
+    };
 }
 
 /**
@@ -38,7 +42,8 @@ export function readSlice(buffer: ArrayBuffer): THREE.Mesh {
     const values = new Float32Array(buffer, 44, columns * rows);
     const most = values.reduce((most, value) => Math.max(most, Math.abs(value)), 1e-12);
     const pixels = new Uint8Array(4 * columns * rows);
-    values.forEach((value, i) => pixels.set(colour(value, 0.6 * most), 4 * i));
+    const colour = colours(0.6 * most);
+    values.forEach((value, i) => pixels.set(colour(value), 4 * i));
     const texture = new THREE.DataTexture(pixels, columns, rows);
     texture.colorSpace = THREE.SRGBColorSpace;
     texture.magFilter = texture.minFilter = THREE.LinearFilter;
@@ -63,7 +68,7 @@ export function readSkeleton(buffer: ArrayBuffer, size: number): THREE.Points {
     const numbers = new Float32Array(buffer);
     const count = numbers.length / 4;
     const [positions, colours] = [new Float32Array(3 * count), new Float32Array(3 * count)];
-    const [inside, outside] = [new THREE.Color(0xca4628), new THREE.Color(0x2d6ebe)];
+    const [inside, outside] = [new THREE.Color(hex("positive")), new THREE.Color(hex("negative"))];
     for (let i = 0; i < count; i += 1) {
         positions.set(numbers.subarray(4 * i, 4 * i + 3), 3 * i);
         (numbers[4 * i + 3] > 0 ? inside : outside).toArray(colours, 3 * i);

@@ -10,7 +10,7 @@ use fft_correlate::{
 use glam::{DQuat, DVec3};
 use haptic::Geometry;
 use pegfit_pictures::{Slice, number, sheet, skeleton_points};
-use pegfit_scene::{Assembly, Scene, SceneSetup};
+use pegfit_scene::{Assembly, Scene};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 use sdf_grid::{DensityKernel, Monitor, TriangleMesh};
@@ -77,12 +77,8 @@ impl SceneContent {
             pair: loaded.pair.clone(),
             field_seconds: loaded.field_seconds,
         };
-        let mut fixed = vec![message(&assembly.setup.placed_fixed())];
-        for part in &played.scene.others {
-            let single = played.scene.clone().only(Some(&part.name))?;
-            let setup = SceneSetup::read(single, assembly.setup.memory)?;
-            fixed.push(message(&setup.placed_fixed()));
-        }
+        let fixed = assembly.setup.all_fixed(played.scene)?;
+        let fixed = fixed.iter().map(message).collect();
         let moving = message(&assembly.setup.moving_at(&Pose::IDENTITY));
         let mut content = Self {
             assembly,

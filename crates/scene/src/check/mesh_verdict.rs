@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use sdf_grid::mesh_io::{Examination, MeshFile, ReadOptions, Solid, examine};
-use sdf_grid::text::shown;
+use sdf_grid::text::{quoted, shown};
 use sdf_grid::{
     Ledger, LengthUnit, MeshError, RepairReport, SymmetryAxis, SymmetryOrder, TriangleMesh,
 };
@@ -228,7 +228,7 @@ fn listed(solids: &[Solid]) -> Vec<String> {
         .enumerate()
         .map(|(i, s)| match s.name.as_str() {
             "" => format!("{}, no name, {} triangles", i + 1, s.triangles),
-            name => format!("{}, {name:?}, {} triangles", i + 1, s.triangles),
+            name => format!("{}, {}, {} triangles", i + 1, quoted(name), s.triangles),
         })
         .collect()
 }

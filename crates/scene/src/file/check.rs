@@ -343,7 +343,7 @@ impl Written<'_> {
             (Some(_), Some(meshes)) => {
                 Err(self.error(meshes.span(), "expected mesh or meshes, found both"))
             }
-            (None, None) => Err(self.error(self.span.clone(), "missing field `mesh`")),
+            (None, None) => Err(self.error(self.span.clone(), "missing key `mesh`")),
             (Some(mesh), None) => Ok(vec![PlacedMesh {
                 path: self.path(mesh, &self.span)?,
                 solid: raw.solid.as_ref().map(RawSolid::to_text),

@@ -33,9 +33,27 @@ impl Scene {
         let path = path.as_ref();
         let source = Source { path, text };
         let raw: RawScene = toml::from_str(text)
-            .map_err(|e| source.error(e.span().unwrap_or(0..text.len()), e.message()))?;
+            .map_err(|e| source.error(e.span().unwrap_or(0..text.len()), worded(e.message())))?;
         check::scene(raw, source)
     }
+}
+
+/// What the parser says, in the words of the pages.
+fn worded(said: &str) -> String {
+    const WORDS: [(&str, &str); 5] = [
+        ("unknown field", "unknown key"),
+        ("missing field", "missing key"),
+        ("unknown variant", "unknown word"),
+        ("expected f64", "expected a number"),
+        ("expected u32", "expected a whole number"),
+    ];
+    let parts = said.strip_prefix("invalid type: ");
+    let said = match parts.and_then(|rest| rest.split_once(", expected ")) {
+        Some((found, expected)) => format!("expected {expected}, found {found}"),
+        None => said.to_owned(),
+    };
+    let reworded = |said: String, (from, to): (&str, &str)| said.replacen(from, to, 1);
+    WORDS.into_iter().fold(said, reworded)
 }
 
 /// Bytes of a scene file at most: a hundred thousand listed rotations. What TOML makes of it takes

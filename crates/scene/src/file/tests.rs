@@ -75,17 +75,18 @@ fn every_key_is_read_in_the_scene_unit() {
 #[test]
 fn mistakes_are_shown_with_their_line() {
     let cases = [
-        (
-            "[latice]\nspacing = 1\n",
-            "line 4",
-            "unknown field `latice`",
-        ),
+        ("[latice]\nspacing = 1\n", "line 4", "unknown key `latice`"),
         (
             "[lattice]\nspacing = 0\n",
             "line 5",
             "expected a positive number, found 0",
         ),
         ("[lattice]\nspacing = nan\n", "line 5", "found NaN"),
+        (
+            "[lattice]\nspacing = \"a\"\n",
+            "line 5",
+            "expected a number, found string \"a\"",
+        ),
         (
             "[lattice]\nspacing = 1\npoints = 20\n",
             "line 6",
@@ -100,22 +101,22 @@ fn mistakes_are_shown_with_their_line() {
         (
             "[lattice]\nsampling = \"point\"\n",
             "line 5",
-            "unknown field `sampling`",
+            "unknown key `sampling`",
         ),
         (
             "[model]\nsigma = 0.9\n",
             "line 5",
-            "sigma must be in 0.03..=0.5, found 0.9",
+            "sigma must be from 0.03 to 0.5, found 0.9",
         ),
         (
             "[model]\nlambda_exterior = -1\n",
             "line 5",
-            "lambda_exterior must be in 1e-4..=1e4, found -1",
+            "lambda_exterior must be from 1e-4 to 1e4, found -1",
         ),
         (
             "[energy]\ngamma = 1e300\n",
             "line 5",
-            "gamma must be in 1e-30..=1e30, found 1",
+            "gamma must be from 1e-30 to 1e30, found 1",
         ),
         (
             "[energy]\npeak_force = 1e300\n",
@@ -125,7 +126,7 @@ fn mistakes_are_shown_with_their_line() {
         (
             "[model]\npreset = \"best\"\n",
             "line 5",
-            "unknown variant `best`",
+            "unknown word `best`",
         ),
         (
             "[window]\nhalf_extent = [1, -2, 3]\n",
@@ -138,7 +139,7 @@ fn mistakes_are_shown_with_their_line() {
             "found both",
         ),
         ("[energy]\npeak_force = -1\n", "line 5", "found -1"),
-        ("name = 3\n", "line 4", "unknown field `name`"),
+        ("name = 3\n", "line 4", "unknown key `name`"),
     ];
     for (extra, line, message) in cases {
         let text = refusal(extra);
@@ -157,8 +158,8 @@ fn parts_are_checked() {
     };
     assert!(with("fixed = \"\"\n").contains("expected a mesh path"));
     assert!(with("fixed = 3\n").contains("a mesh path, or a table"));
-    assert!(with("[fixed]\nname = \"a\"\n").contains("missing field `mesh`"));
-    assert!(with("[fixed]\nmesh = \"a.obj\"\npose = 3\n").contains("unknown field `pose`"));
+    assert!(with("[fixed]\nname = \"a\"\n").contains("missing key `mesh`"));
+    assert!(with("[fixed]\nmesh = \"a.obj\"\npose = 3\n").contains("unknown key `pose`"));
     let text = with("[fixed]\nmesh = \"a.obj\"\nrotation = [0, 0, 0, 1.1]\n");
     assert!(
         text.contains("line 5") && text.contains("length 1.1"),
@@ -259,7 +260,7 @@ fn mistakes_in_lists_of_parts_are_shown_with_their_line() {
         (
             "fixed = \"a.obj\"\n[loading]\nmemory = 1\n",
             "line 5",
-            "unknown field `memory`",
+            "unknown key `memory`",
         ),
     ];
     for (text, line, message) in cases {

@@ -237,6 +237,18 @@ impl SceneSetup {
         put(&self.parts.fixed, &self.placement().fixed)
     }
 
+    /// All fixed parts of `scene`, of whose first these parts are, where they stand, in its order.
+    ///
+    /// # Errors
+    /// If a mesh of a further part cannot be read.
+    pub fn all_fixed(&self, scene: &Scene) -> Result<Vec<TriangleMesh>, SceneError> {
+        let mut placed = vec![self.placed_fixed()];
+        for part in &scene.others {
+            placed.push(put(&read_part(scene, part, &mut Vec::new())?, &part.pose));
+        }
+        Ok(placed)
+    }
+
     /// The moving part where `pose`, a pose in the scene, takes it.
     pub fn moving_at(&self, pose: &Pose) -> TriangleMesh {
         put(&self.parts.moving, &(*pose * self.placement().moving))

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
+use sdf_grid::text::quoted;
 
 use crate::solids::error::ImportError;
 
@@ -126,7 +127,7 @@ impl Element {
         expected: impl Into<String>,
         found: impl Into<String>,
     ) -> ImportError {
-        let name = self.attribute("name").map(|n| format!(" {n:?}"));
+        let name = self.attribute("name").map(|n| format!(" {}", quoted(n)));
         ImportError::Description {
             path: path.to_owned(),
             place: format!("<{}>{}", self.name, name.unwrap_or_default()),
@@ -151,8 +152,8 @@ impl Element {
             Some(numbers) => Ok(Some(numbers)),
             None => Err(self.wrong(
                 path,
-                format!("{N} numbers as {name:?}"),
-                format!("{text:?}"),
+                format!("{N} numbers as {}", quoted(name)),
+                quoted(text),
             )),
         }
     }
@@ -160,7 +161,7 @@ impl Element {
     /// An attribute that must be there.
     pub(crate) fn required(&self, path: &Path, name: &str) -> Result<&str, ImportError> {
         (self.attribute(name))
-            .ok_or_else(|| self.wrong(path, format!("an attribute {name:?}"), "none"))
+            .ok_or_else(|| self.wrong(path, format!("an attribute {}", quoted(name)), "none"))
     }
 }
 

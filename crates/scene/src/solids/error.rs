@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use sdf_grid::MeshError;
 use sdf_grid::atomic::AtomicError;
+use sdf_grid::text::quoted;
 
 /// Why no scene can be made of a file. Every variant names the file.
 #[derive(Debug, thiserror::Error)]
@@ -32,7 +33,7 @@ pub enum ImportError {
         found: String,
     },
     /// No solid, or several, are called so.
-    #[error("{}: {option}: expected the name or number of one of {known}, found {wanted:?}", path.display())]
+    #[error("{}: {option}: expected the name or number of one of {known}, found {}", path.display(), quoted(wanted))]
     Solid {
         /// The file.
         path: PathBuf,

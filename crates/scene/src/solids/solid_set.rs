@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use fft_correlate::Pose;
 use sdf_grid::mesh_io::{MeshFile, ReadOptions, StepOptions};
+use sdf_grid::text::quoted;
 use sdf_grid::{Ledger, LengthUnit, TriangleMesh};
 
 use crate::solids::element::Element;
@@ -281,7 +282,7 @@ impl SolidSet {
         let Some(group) = group else {
             let listed = groups.iter().take(20).enumerate();
             let names: Vec<String> = listed
-                .map(|(i, g)| format!("{} {:?}", i + 1, g.1))
+                .map(|(i, g)| format!("{} {}", i + 1, quoted(g.1)))
                 .collect();
             return Err(ImportError::Solid {
                 path: self.path.clone(),

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use fft_correlate::Pose;
 use glam::DVec3;
+use sdf_grid::text::quoted;
 use sdf_grid::{Ledger, LedgerKind};
 
 use crate::solids::element::Element;
@@ -81,7 +82,7 @@ fn geometry(path: &Path, element: &Element, ledger: &mut Ledger) -> Result<Geome
     };
     let number = |name: &str| match shape.numbers::<1>(path, name)? {
         Some([number]) => Ok(number),
-        None => Err(shape.wrong(path, format!("an attribute {name:?}"), "none")),
+        None => Err(shape.wrong(path, format!("an attribute {}", quoted(name)), "none")),
     };
     let read: &[&str] = match shape.name.as_str() {
         "mesh" => &["filename", "scale"],
@@ -163,7 +164,7 @@ fn joints<'a>(
             let link = end.required(path, "link")?;
             match links.contains(link) {
                 true => Ok(link),
-                false => Err(end.wrong(path, "a link of this file", format!("{link:?}"))),
+                false => Err(end.wrong(path, "a link of this file", quoted(link))),
             }
         };
         let (parent, child) = (end("parent")?, end("child")?);
@@ -171,7 +172,7 @@ fn joints<'a>(
             .insert(child, (parent, origin(path, joint)?))
             .is_some()
         {
-            let expected = format!("one joint whose child is {child:?}");
+            let expected = format!("one joint whose child is {}", quoted(child));
             return Err(joint.wrong(path, expected, "a second one"));
         }
         if joint.attribute("type") != Some("fixed") {
@@ -237,7 +238,7 @@ pub(super) fn no_macros(path: &Path, element: &Element) -> Result<(), ImportErro
     for (name, text) in element.attributes() {
         let unexpanded = text.contains("${") || text.contains("$(");
         if unexpanded || name.starts_with("xacro:") {
-            return Err(element.wrong(path, expected, format!("{name}={text:?}")));
+            return Err(element.wrong(path, expected, format!("{name}={}", quoted(text))));
         }
     }
     element.children.iter().try_for_each(|c| no_macros(path, c))
@@ -273,7 +274,7 @@ pub(super) fn attributes(path: &Path, element: &Element, read: &[&str]) -> Resul
     match element.attributes().find(|(name, _)| !read.contains(name)) {
         Some((name, text)) => {
             let expected = format!("the attributes {}", read.join(", "));
-            Err(element.wrong(path, expected, format!("{name}={text:?}")))
+            Err(element.wrong(path, expected, format!("{name}={}", quoted(text))))
         }
         None => Ok(()),
     }
@@ -303,7 +304,7 @@ pub(super) fn resolve(
         Some("dae") => {
             let expected = "an .obj, .stl, .ply, .glb or .3mf file (Blender, assimp and trimesh \
                             convert Collada)";
-            return Err(mesh.wrong(path, expected, format!("{name:?}")));
+            return Err(mesh.wrong(path, expected, quoted(name)));
         }
         Some("glb" | "gltf") => {
             ledger.add(
@@ -349,7 +350,7 @@ fn located(
         return Err(mesh.wrong(path, expected, "none"));
     };
     let package = package.split('/').next().unwrap_or_default();
-    let item = format!("folder of package {package:?}");
+    let item = format!("folder of package {}", quoted(package));
     let folder = found.to_string_lossy();
     let folder = folder.strip_suffix(rest).unwrap_or(&folder);
     ledger.add(LedgerKind::Assumed, &item, folder);

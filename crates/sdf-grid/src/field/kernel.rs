@@ -28,7 +28,7 @@ pub struct DensityKernel {
 
 /// A kernel thickness out of range.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error("sigma must be in 0.03..=0.5, found {found}")]
+#[error("sigma must be from 0.03 to 0.5, found {found}")]
 pub struct KernelError {
     /// What was given, dimensionless.
     pub found: f64,

@@ -49,7 +49,12 @@ pub enum LatticeError {
         found: DVec3,
     },
     /// An axis has no node, or the node count overflows the limit.
-    #[error("lattice of {shape:?} nodes: expected at least 1 per axis and at most {limit} in all")]
+    #[error(
+        "lattice of {} x {} x {} nodes: expected at least 1 per axis and at most {limit} in all",
+        shape[0],
+        shape[1],
+        shape[2]
+    )]
     Size {
         /// Nodes per axis asked for.
         shape: [f64; 3],

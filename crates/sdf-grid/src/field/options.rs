@@ -25,6 +25,17 @@ pub enum Sampling {
     },
 }
 
+impl Sampling {
+    /// What a field of it holds.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Point => "points",
+            Self::CellAverage => "cell averages",
+            Self::Smoothed { .. } => "smoothed densities",
+        }
+    }
+}
+
 /// Standard deviations beyond the boundary at which smoothed densities end. There the Gaussian
 /// leaves a thousandth of a jump, and sharpening four thousandths.
 const SPREAD: f64 = 3.0;
@@ -92,7 +103,7 @@ impl DensityOptions {
             found,
         };
         if !(1e-5..=1e-2).contains(&self.tolerance) {
-            return Err(refuse("tolerance", "in 1e-5..=1e-2", self.tolerance));
+            return Err(refuse("tolerance", "from 1e-5 to 1e-2", self.tolerance));
         }
         if let Sampling::Smoothed { deviation, .. } = self.sampling
             && !(deviation.is_finite() && deviation > 0.0)

@@ -1,5 +1,6 @@
 //! Why a mesh cannot be read, used, made or written.
 
+use crate::text::quoted;
 use std::path::PathBuf;
 
 use glam::DVec3;
@@ -25,7 +26,7 @@ pub enum MeshError {
         source: std::io::Error,
     },
     /// The file's name ends in nothing that is read here.
-    #[error("{}: expected a mesh file ending in {expected}, found {found:?}", path.display())]
+    #[error("{}: expected a mesh file ending in {expected}, found {}", path.display(), quoted(found))]
     Format {
         /// The file.
         path: PathBuf,
@@ -96,7 +97,10 @@ pub enum MeshError {
         found: String,
     },
     /// The file has no such solid, or several.
-    #[error("{file}: solid {wanted:?}: expected one, found {matches} of that name among {found}")]
+    #[error(
+        "{file}: solid {}: expected one, found {matches} of that name among {found}",
+        quoted(wanted)
+    )]
     Solid {
         /// The file.
         file: String,
@@ -218,7 +222,7 @@ pub enum MeshError {
         found: String,
     },
     /// A length unit is not known.
-    #[error("length unit: expected one of {expected}, found {found:?}")]
+    #[error("length unit: expected one of {expected}, found {}", quoted(found))]
     Unit {
         /// The units known.
         expected: &'static str,

@@ -9,6 +9,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::mesh::error::MeshError;
+use crate::text::quoted;
 
 /// Exit codes that say that a converter is not installed: the shell's, and that of a script without
 /// a module.
@@ -160,7 +161,7 @@ impl FinishedRun {
 
     /// How it ended and the last that it printed, for errors.
     pub(super) fn describe(&self) -> String {
-        format!("{}, {:?}", self.status, self.last_lines(3))
+        format!("{}, {}", self.status, quoted(&self.last_lines(3)))
     }
 }
 

@@ -24,6 +24,7 @@ use crate::mesh_io::content;
 use crate::mesh_io::ledger::LedgerKind;
 use crate::mesh_io::soup::{Soup, syntax};
 use crate::mesh_io::unit::LengthUnit;
+use crate::text::quoted;
 
 /// Reads all meshes of the file's scene, or of its first if none is the default; the solids are
 /// named after their nodes.
@@ -44,7 +45,7 @@ pub(super) fn parse(file: &str, bytes: &[u8], folder: Option<&Path>) -> Result<S
     let version = &document.as_json().asset.version;
     let least = document.as_json().asset.min_version.as_deref();
     if !version.starts_with("2.") || least.is_some_and(|least| least != "2.0") {
-        let found = format!("version {:?}", least.unwrap_or(version));
+        let found = format!("version {}", quoted(least.unwrap_or(version)));
         return Err(syntax(file, "asset", "a glTF 2.0 file", found));
     }
     let scenes = document.scenes().count();
@@ -258,7 +259,7 @@ impl<'a> GltfReader<'a> {
             self.add(&primitive, transform, &place)?;
         }
         let mut record_loss = |item: &str, reason: &str| {
-            let place = format!("node {} {name:?}", node.index());
+            let place = format!("node {} {}", node.index(), quoted(name));
             self.soup
                 .record_loss(Some(solid..solid + 1), place, item, reason);
         };
@@ -289,8 +290,11 @@ impl<'a> GltfReader<'a> {
             mode,
             Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan
         ) {
-            let item = format!("primitive of {mode:?}");
-            self.soup.ignore(&item, "it encloses no volume", 1);
+            let item = match mode {
+                Mode::Points => "primitive of points",
+                _ => "primitive of lines",
+            };
+            self.soup.ignore(item, "it encloses no volume", 1);
             return Ok(());
         }
         for (semantic, _) in primitive.attributes() {
@@ -417,8 +421,9 @@ impl Numbers<'_> {
         let place = format!("{place}, accessor {}", accessor.index());
         let (kind, number) = (accessor.dimensions(), accessor.data_type());
         if kind != dimensions || !types.contains(&number) {
-            let expected = format!("{dimensions:?} of {types:?}");
-            let found = format!("{kind:?} of {number:?}");
+            let words: Vec<&str> = types.iter().map(|t| type_name(*t)).collect();
+            let expected = format!("{} of {}", shape_name(dimensions), words.join(" or "));
+            let found = format!("{} of {}", shape_name(kind), type_name(number));
             return Err(syntax(self.file, place, expected, found));
         }
         let (count, size) = (accessor.count(), kind.multiplicity() * number.size());
@@ -579,7 +584,7 @@ fn uri_bytes(
         Some(folder) if beside => content::read_whole(&folder.join(name)),
         _ => {
             let expected = "a buffer in the file or in one beside it";
-            Err(syntax(file, place, expected, format!("{uri:?}")))
+            Err(syntax(file, place, expected, quoted(uri)))
         }
     }
 }
@@ -656,4 +661,29 @@ fn check(file: &str, required: &[String]) -> Result<(), MeshError> {
         false => format!("no other extension that changes solids than {QUANTIZED} and {INSTANCES}"),
     };
     Err(syntax(file, "extensionsRequired", expected, name))
+}
+
+/// As the format names it.
+fn shape_name(dimensions: Dimensions) -> &'static str {
+    match dimensions {
+        Dimensions::Scalar => "SCALAR",
+        Dimensions::Vec2 => "VEC2",
+        Dimensions::Vec3 => "VEC3",
+        Dimensions::Vec4 => "VEC4",
+        Dimensions::Mat2 => "MAT2",
+        Dimensions::Mat3 => "MAT3",
+        Dimensions::Mat4 => "MAT4",
+    }
+}
+
+/// As the format names it.
+fn type_name(number: DataType) -> &'static str {
+    match number {
+        DataType::I8 => "BYTE",
+        DataType::U8 => "UNSIGNED_BYTE",
+        DataType::I16 => "SHORT",
+        DataType::U16 => "UNSIGNED_SHORT",
+        DataType::U32 => "UNSIGNED_INT",
+        DataType::F32 => "FLOAT",
+    }
 }

@@ -16,6 +16,7 @@ use crate::mesh::error::MeshError;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::mesh_io::unit::LengthUnit;
 use crate::support::atomic;
+use crate::text::quoted;
 
 /// Words that begin a statement, not the rest of one: a line is not joined with one that begins so.
 const WORDS: [&str; 28] = [
@@ -122,7 +123,7 @@ impl ObjReader<'_> {
                     "call" => (word, "another file, read into this one"),
                     _ => ("unknown statement", "one that OBJ does not have"),
                 };
-                let place = format!("line {number}, {word:?}");
+                let place = format!("line {number}, {}", quoted(word));
                 return self.soup.record_loss(None, place, item, reason);
             }
         };
@@ -249,7 +250,7 @@ fn position<'a>(
     for word in words {
         let number = word
             .parse::<f64>()
-            .map_err(|_| syntax(file, place(), "a number", format!("{word:?}")))?;
+            .map_err(|_| syntax(file, place(), "a number", quoted(word)))?;
         if let Some(slot) = numbers.get_mut(count) {
             *slot = number;
         }
@@ -280,7 +281,7 @@ fn corner(
     let index = word.split('/').next().unwrap_or_default();
     let wrong = || {
         let expected = format!("a vertex index 1 .. {vertices} or -{vertices} .. -1");
-        syntax(file, place(), expected, format!("{word:?}"))
+        syntax(file, place(), expected, quoted(word))
     };
     let index: i64 = index.parse().map_err(|_| wrong())?;
     let vertex = match index {

@@ -12,6 +12,7 @@ use ply_rs_bw::ply::{
 use super::parts;
 use super::soup::{Soup, syntax};
 use crate::mesh::error::MeshError;
+use crate::text::quoted;
 
 /// Names of the list of a face's corners.
 const CORNERS: [&str; 2] = ["vertex_indices", "vertex_index"];
@@ -32,7 +33,8 @@ pub(super) fn parse(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
     let mut faces: Vec<Face> = Vec::new();
     for (name, element) in &header.elements {
         check_count(file, element, &header, reader.get_ref().len())?;
-        let fail = |e: ply_rs_bw::parser::ParseError| wrong(&format!("element {name:?}"), &e);
+        let fail =
+            |e: ply_rs_bw::parser::ParseError| wrong(&format!("element {}", quoted(name)), &e);
         match name.as_str() {
             "vertex" => {
                 vertices = Parser::new()
@@ -84,13 +86,21 @@ fn with_line_feeds(bytes: &[u8]) -> Cow<'_, [u8]> {
     Cow::Owned(kept)
 }
 
+/// `elements "vertex", "face"`.
+fn all_of<'a>(what: &str, names: impl Iterator<Item = &'a String>) -> String {
+    let names: Vec<String> = names.map(|name| quoted(name)).collect();
+    format!("{what} {}", names.join(", "))
+}
+
 /// Refuses a file without positions or faces.
 fn check_header(file: &str, header: &Header) -> Result<(), MeshError> {
     let refuse = |expected: String, found: String| Err(syntax(file, "header", expected, found));
-    let names: Vec<&String> = header.elements.iter().map(|(name, _)| name).collect();
     for name in ["vertex", "face"] {
         let Some(element) = header.elements.get(name) else {
-            return refuse(format!("element {name:?}"), format!("elements {names:?}"));
+            return refuse(
+                format!("element {}", quoted(name)),
+                all_of("elements", header.elements.iter().map(|e| e.0)),
+            );
         };
         let found: Vec<&String> = element.properties.iter().map(|(name, _)| name).collect();
         let has = |wanted: &str| found.iter().any(|name| *name == wanted);
@@ -101,9 +111,9 @@ fn check_header(file: &str, header: &Header) -> Result<(), MeshError> {
         if !complete {
             let expected = match name {
                 "vertex" => "x, y and z of each vertex".to_owned(),
-                _ => format!("a list {:?} of each face", CORNERS[0]),
+                _ => format!("a list {} of each face", quoted(CORNERS[0])),
             };
-            return refuse(expected, format!("properties {found:?}"));
+            return refuse(expected, all_of("properties", found.into_iter()));
         }
     }
     Ok(())
@@ -120,7 +130,7 @@ fn list(soup: &mut Soup, header: &Header) {
                 continue;
             }
             _ => {
-                let item = format!("element {name:?}");
+                let item = format!("element {}", quoted(name));
                 soup.ignore(&item, "it is no part of a surface", element.count);
                 continue;
             }
@@ -128,7 +138,7 @@ fn list(soup: &mut Soup, header: &Header) {
         soup.read(name, element.count);
         for (property, _) in &element.properties {
             if !read.contains(&property.as_str()) {
-                let item = format!("property {property:?} of {name}");
+                let item = format!("property {} of {name}", quoted(property));
                 let reason = "it does not say where the surface is";
                 soup.ignore(&item, reason, element.count);
             }
@@ -165,7 +175,7 @@ fn check_count(
     if element.count <= limit {
         return Ok(());
     }
-    let place = format!("element {:?}", element.name);
+    let place = format!("element {}", quoted(&element.name));
     let expected = format!("at most {limit} in the {left} bytes left");
     Err(syntax(file, place, expected, format!("{}", element.count)))
 }

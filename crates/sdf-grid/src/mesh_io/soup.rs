@@ -10,6 +10,7 @@ use super::ledger::{Ledger, LedgerKind};
 use super::unit::LengthUnit;
 use crate::mesh::error::MeshError;
 use crate::mesh::polygon;
+use crate::text::quoted;
 
 /// Most vertices that a file which places parts several times may unfold to: such a file may be
 /// far smaller than its mesh.
@@ -306,7 +307,7 @@ fn listed<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> String {
     let shown: Vec<String> = names
         .take(10)
         .enumerate()
-        .map(|(i, name)| format!("{} {name:?}", i + 1))
+        .map(|(i, name)| format!("{} {}", i + 1, quoted(name)))
         .collect();
     let more = if count > 10 { ", ..." } else { "" };
     format!("{}{more}", shown.join(", "))

@@ -8,6 +8,7 @@ use glam::{DVec3, Vec3};
 use super::soup::{Soup, syntax};
 use super::{content, parts};
 use crate::mesh::error::MeshError;
+use crate::text::quoted;
 
 /// Bytes before the facets of a binary file: a free text and the number of facets.
 const HEADER: usize = 84;
@@ -154,7 +155,7 @@ fn parse_ascii(file: &str, bytes: &[u8]) -> Result<Soup, MeshError> {
             }
             Some(word) => {
                 let expected = "solid, facet, outer loop, vertex or an end of these";
-                return Err(syntax(file, place(), expected, format!("{word:?}")));
+                return Err(syntax(file, place(), expected, quoted(word)));
             }
         }
     }
@@ -178,7 +179,7 @@ fn vertex<'a>(
         .and_then(|n| <[f64; 3]>::try_from(n).ok())
         .map(DVec3::from_array)
         .ok_or_else(|| {
-            let found = format!("{:?}", words.join(" "));
+            let found = quoted(&words.join(" "));
             syntax(file, place(), "vertex with 3 numbers", found)
         })
 }

@@ -28,6 +28,15 @@ pub fn shown_lines(text: &str) -> Cow<'_, str> {
     escaped(text, |c| matches!(c, '\n' | '\t'))
 }
 
+/// As [`shown`], between quotation marks: a name or a word of the user's in a sentence.
+///
+/// ```
+/// assert_eq!(sdf_grid::text::quoted("C:\\lid\x07"), "\"C:\\lid\\u0007\"");
+/// ```
+pub fn quoted(text: &str) -> String {
+    format!("\"{}\"", shown(text))
+}
+
 fn escaped(text: &str, stays: impl Fn(char) -> bool) -> Cow<'_, str> {
     let hidden = |c: char| acts(c) && !stays(c);
     if !text.contains(hidden) {

@@ -73,6 +73,6 @@ fn radial_derivatives_are_central_differences() {
 fn sigma_out_of_range_is_refused() {
     for sigma in [0.0, -0.1, 0.029, 0.51, f64::NAN, f64::INFINITY] {
         let error = DensityKernel::new(sigma).unwrap_err();
-        assert!(error.to_string().contains("sigma must be in 0.03..=0.5"));
+        assert!(error.to_string().contains("sigma must be from 0.03 to 0.5"));
     }
 }

@@ -173,7 +173,11 @@ fn what_a_gltf_file_claims_is_checked() {
         ),
         ("/buffers/0/byteLength", json!(4_000_000_000u64), "buffer 0"),
         ("/accessors/1/type", json!("VEC3"), "accessor 1"),
-        ("/accessors/0/componentType", json!(5123), "F32"),
+        (
+            "/accessors/0/componentType",
+            json!(5123),
+            "VEC3 of FLOAT, found VEC3 of UNSIGNED_SHORT",
+        ),
         ("/scenes/0/nodes", json!([1, 1]), "one place in the tree"),
         ("/scenes/0/nodes", json!([7]), "glTF 2.0"),
         (

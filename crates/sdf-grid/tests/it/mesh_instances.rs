@@ -187,7 +187,7 @@ fn quantized_positions_are_read_as_numbers_or_fractions() {
                     .read()
                     .expect_err("refused")
                     .to_string()
-                    .contains("F32")
+                    .contains("FLOAT")
             );
             document.json["extensionsUsed"] = json!(["KHR_mesh_quantization"]);
             document.json["extensionsRequired"] = json!(["KHR_mesh_quantization"]);
@@ -330,6 +330,6 @@ fn what_is_not_in_the_scene_or_no_surface_is_listed() {
         (ignored("node"), ignored("camera"), ignored("scene")),
         (2, 1, 1)
     );
-    assert_eq!(ignored("primitive of Lines"), 1);
+    assert_eq!(ignored("primitive of lines"), 1);
     assert_eq!(count(&file, LedgerKind::Assumed, "scene"), 1);
 }

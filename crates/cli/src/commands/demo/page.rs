@@ -10,7 +10,7 @@ use sdf_grid::atomic;
 use crate::commands::demo::summary::{Example, Summary};
 use crate::error::CommandError;
 use crate::report::page::Page;
-use crate::report::player::SCRIPT;
+use crate::report::screen::{self, SCRIPT, Screen, grouped};
 
 /// A figure by what it shows, with its size in a file.
 pub(super) struct Figure {
@@ -168,9 +168,6 @@ fn retitle(plot: &mut Plot, title: &str) {
     }
 }
 
-const STYLE: &str = include_str!("page.css");
-const TABS: &str = include_str!("page.js");
-
 /// Writes `index.html` and returns its path.
 ///
 /// # Errors
@@ -181,7 +178,6 @@ pub(super) fn write(
     shown: &[Shown],
 ) -> Result<PathBuf, CommandError> {
     let mut page = Page::new("Three pegs find their holes");
-    page.push(&format!("<style>\n{STYLE}</style>"));
     page.push(&format!("<div class=\"lead\">{LEAD}</div>"));
     let link = |e: &Example| format!("<a href=\"#{0}\">{0}</a>", e.name);
     let links: Vec<String> = summary.examples.iter().map(link).collect();
@@ -194,80 +190,35 @@ pub(super) fn write(
         page.push(&pair(example, shown));
     }
     let path = out.join("index.html");
-    let script = [SCRIPT, TABS].concat();
-    atomic::write(&path, page.finish(&script).as_bytes())?;
+    atomic::write(&path, page.finish(SCRIPT).as_bytes())?;
     Ok(path)
 }
 
-/// One screen: parts and numbers, and figures beside them.
 fn pair(example: &Example, shown: &Shown) -> String {
     let name = example.name;
-    let there = || {
-        FIGURES.iter().filter_map(|words| {
-            let found = shown.figures.iter().find(|(kind, _)| *kind == words.kind);
-            found.map(|(_, html)| (words, html))
+    let figure = |words: &'static Words| {
+        let (_, html) = shown.figures.iter().find(|(kind, _)| *kind == words.kind)?;
+        Some(screen::Figure {
+            kind: words.kind,
+            name: words.name,
+            caption: words.caption,
+            html,
         })
     };
-    let tab = |(i, (words, _)): (usize, (&Words, &String))| {
-        format!(
-            "<button type=\"button\" role=\"tab\" id=\"{name}-{0}-tab\" aria-controls=\"{name}-{0}\" \
-             aria-selected=\"{1}\">{2}</button>",
-            words.kind,
-            i == 0,
-            words.name
-        )
-    };
-    let figure = |(i, (words, html)): (usize, (&Words, &String))| {
-        let hidden = if i == 0 { "" } else { " hidden" };
-        format!(
-            "<figure role=\"tabpanel\" id=\"{name}-{0}\" aria-labelledby=\"{name}-{0}-tab\"{hidden}>\
-             {html}<figcaption>{1}</figcaption></figure>\n",
-            words.kind, words.caption
-        )
-    };
-    let rows = ROWS.iter().filter_map(|(row, value)| {
-        let value = unbroken(&value(example)?);
-        Some(format!("<dt>{row}</dt><dd>{value}</dd>\n"))
-    });
-    format!(
-        "<section class=\"pair\" id=\"{name}\">\n<h2>The {name} peg</h2>\n<div class=\"parts\">\n{}\n\
-         <dl>{}</dl>\n</div>\n<div class=\"figures\">\n<div role=\"tablist\" \
-         aria-label=\"Figures\">{}</div>\n{}</div>\n<p class=\"files\">Files: \
-         <code>{name}_hole.obj</code>, <code>{name}_peg.obj</code>, <code>{name}.toml</code>, \
-         <code>{name}.zarr</code>. Hold the peg yourself: <code>pegfit play {name}.toml</code></p>\n\
-         </section>",
-        shown.player,
-        rows.collect::<String>(),
-        there().enumerate().map(tab).collect::<String>(),
-        there().enumerate().map(figure).collect::<String>(),
-    )
-}
-
-/// A count, in groups of three digits.
-fn grouped(count: usize) -> String {
-    let digits = count.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push('\u{202f}');
-        }
-        text.push(digit);
+    let row = |(row, value): &Row| Some(((*row).to_owned(), value(example)?));
+    Screen {
+        id: name,
+        heading: format!("<h2>The {name} peg</h2>"),
+        player: &shown.player,
+        rows: ROWS.iter().filter_map(row).collect(),
+        figures: FIGURES.iter().filter_map(figure).collect(),
+        end: format!(
+            "<p class=\"files\">Files: <code>{name}_hole.obj</code>, <code>{name}_peg.obj</code>, \
+             <code>{name}.toml</code>, <code>{name}.zarr</code>. Hold the peg yourself: \
+             <code>pegfit play {name}.toml</code></p>\n"
+        ),
     }
-    text
-}
-
-/// No line breaks between a number and its unit.
-fn unbroken(text: &str) -> String {
-    let mut before = ' ';
-    let mut keep = |letter: char| {
-        let kept = match letter {
-            ' ' if before.is_ascii_digit() => '\u{a0}',
-            _ => letter,
-        };
-        before = letter;
-        kept
-    };
-    text.chars().map(&mut keep).collect()
+    .html()
 }
 
 /// A share in percent with two digits that count; one that rounds away is said to be below.
@@ -357,13 +308,9 @@ mod tests {
 
     #[test]
     fn numbers_have_sensible_digits() {
-        assert_eq!(grouped(7), "7");
-        assert_eq!(grouped(256_400), "256\u{202f}400");
-        assert_eq!(grouped(1_234_567), "1\u{202f}234\u{202f}567");
         assert_eq!(percent(0.01049), "1 %");
         assert_eq!(percent(0.0231), "2.3 %");
         assert_eq!(percent(2e-7), "below 0.001 %");
-        assert_eq!(unbroken("1.5 mm, a joint"), "1.5\u{a0}mm, a joint");
     }
 
     #[test]

@@ -13,6 +13,7 @@ use std::{fs, io};
 use sdf_grid::atomic::AtomicFile;
 use sdf_grid::regular;
 use sdf_grid::regular::RegularError;
+use sdf_grid::text::quoted;
 use serde_json::Value;
 
 use crate::table::store::error::StoreError;
@@ -295,7 +296,10 @@ fn check_key(key: &str) -> io::Result<()> {
         false => Ok(()),
         true => Err(io::Error::new(
             io::ErrorKind::InvalidInput,
-            format!("expected a path of names between single slashes, found {key:?}"),
+            format!(
+                "expected a path of names between single slashes, found {}",
+                quoted(key)
+            ),
         )),
     }
 }

@@ -12,6 +12,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use sdf_grid::atomic::AtomicFolder;
+use sdf_grid::text::quoted;
 use sdf_grid::{ContactError, KernelError, RepairOptions, TriangleMesh};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -149,9 +150,10 @@ impl Header {
         let header = stored.clone().sealed();
         if header.digest != stored.digest {
             let reason = format!(
-                "its digest is {:?}, that of what it says {}: it was changed after it was \
+                "its digest is {}, that of what it says {}: it was changed after it was \
                  written; bake it again",
-                stored.digest, header.digest
+                quoted(&stored.digest),
+                header.digest
             );
             return Err(metadata("attribute pegfit", reason));
         }

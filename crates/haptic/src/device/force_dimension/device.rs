@@ -347,7 +347,7 @@ fn connect(options: &DhdOptions) -> Result<(DhdDevice, DeviceSpec), DeviceError>
         return Err(DeviceError::Unsuitable {
             name: spec.name,
             expected: format!("serial number {wanted}"),
-            found: format!("{:?}", device.serial()),
+            found: (device.serial()).map_or_else(|| "none".to_owned(), |serial| serial.to_string()),
         });
     }
     device.check_ready()?;

@@ -1,6 +1,7 @@
 //! Messages from and to the service. Keys that are not used here are skipped.
 
 use glam::{DQuat, DVec3};
+use sdf_grid::text::quoted;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 use serde_json::json;
@@ -159,7 +160,7 @@ impl Message {
         let mut ids = arms.chain(self.grips().map(|grip| &grip.device_id));
         let typed = |id: &str| id.len() <= LONGEST_ID && id.bytes().all(|b| b.is_ascii_graphic());
         match ids.find(|id| !typed(id)) {
-            Some(id) => Err(format!("a device called {id:?}")),
+            Some(id) => Err(format!("a device called {}", quoted(id))),
             None => Ok(()),
         }
     }

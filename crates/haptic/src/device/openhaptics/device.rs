@@ -378,7 +378,10 @@ fn wait(shared: &Shared<'_>) -> Result<(), DeviceError> {
 fn scheduler_silent(lasting: Duration) -> DeviceError {
     DeviceError::System {
         name: "OpenHaptics".into(),
-        reason: format!("the scheduler has not called for {lasting:?}"),
+        reason: format!(
+            "the scheduler has not called for {} s",
+            lasting.as_secs_f64()
+        ),
     }
 }
 

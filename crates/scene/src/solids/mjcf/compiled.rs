@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 use sdf_grid::mesh_io::Converter;
+use sdf_grid::text::quoted;
 use sdf_grid::{Ledger, LedgerKind};
 use serde::Deserialize;
 
@@ -112,7 +113,7 @@ fn understood(
     let mut meshes = Vec::new();
     for mesh in model.meshes {
         meshes.push(Arc::new(Triangles {
-            name: format!("{}: mesh {:?}", converter.file.display(), mesh.name),
+            name: format!("{}: mesh {}", converter.file.display(), quoted(&mesh.name)),
             vertices: mesh.vertices.into_iter().map(DVec3::from).collect(),
             triangles: mesh.triangles,
         }));
@@ -134,7 +135,13 @@ fn understood(
             "ellipsoid" => Geometry::Ellipsoid(DVec3::new(a, b, c)),
             "mesh" | "sdf" => match found.mesh.and_then(|i| meshes.get(i)) {
                 Some(mesh) => Geometry::Triangles(mesh.clone()),
-                None => return Err(odd(format!("a geom of mesh {:?}", found.mesh)).into()),
+                None => {
+                    return Err(odd(format!(
+                        "a geom of {}",
+                        (found.mesh).map_or("no mesh".to_owned(), |i| format!("mesh {i}"))
+                    ))
+                    .into());
+                }
             },
             "plane" | "hfield" => continue,
             other => return Err(odd(format!("a geom of type {other}")).into()),
@@ -172,7 +179,7 @@ fn note(model: &Model, ledger: &mut Ledger) {
         }
     }
     for mesh in &model.meshes {
-        let item = format!("vertex of mesh {:?}", mesh.name);
+        let item = format!("vertex of mesh {}", quoted(&mesh.name));
         let reason = "no triangle has it: MuJoCo reads the first object of an OBJ file alone";
         ledger.add_many(LedgerKind::Ignored, &item, reason, mesh.spare);
     }

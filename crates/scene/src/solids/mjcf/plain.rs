@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use fft_correlate::Pose;
 use glam::{DQuat, DVec3};
+use sdf_grid::text::quoted;
 use sdf_grid::{Ledger, LedgerKind};
 
 use crate::solids::element::Element;
@@ -179,7 +180,7 @@ impl<'a> ModelReader<'a> {
                 ledger.add(LedgerKind::Ignored, "hfield geom", HEIGHT_FIELD);
                 return Ok(None);
             }
-            other => return Err(self.subset.beyond(geom, format!("type={other:?}"))),
+            other => return Err(self.subset.beyond(geom, format!("type={}", quoted(other)))),
         }))
     }
 
@@ -232,7 +233,11 @@ fn meshes(
                 let found = "an OBJ file of several objects, of which MuJoCo reads the first";
                 return Err(subset.beyond(mesh, found));
             }
-            _ => return Err(subset.beyond(mesh, format!("file={:?}", file.display()))),
+            _ => {
+                return Err(
+                    subset.beyond(mesh, format!("file={}", quoted(&file.to_string_lossy())))
+                );
+            }
         }
         let stem = file.file_stem().unwrap_or_default().to_string_lossy();
         let name = mesh
@@ -244,7 +249,7 @@ fn meshes(
             return Err(mesh.wrong(
                 path,
                 "meshes of different names",
-                format!("two of {name:?}"),
+                format!("two of {}", quoted(&name)),
             ));
         }
     }
@@ -439,7 +444,7 @@ impl Subset<'_> {
         ] {
             match compiler.attribute(name) {
                 Some(found) if !accepted.contains(&found) => {
-                    return Err(self.beyond(compiler, format!("{name}={found:?}")));
+                    return Err(self.beyond(compiler, format!("{name}={}", quoted(found))));
                 }
                 _ => {}
             }
@@ -514,7 +519,7 @@ impl Subset<'_> {
     fn attributes(&self, element: &Element, known: &[&[&str]]) -> Result<(), ImportError> {
         for (name, text) in element.attributes() {
             if !known.iter().any(|names| names.contains(&name)) {
-                return Err(self.beyond(element, format!("{name}={text:?}")));
+                return Err(self.beyond(element, format!("{name}={}", quoted(text))));
             }
         }
         Ok(())

@@ -20,6 +20,7 @@ use crate::mesh::error::MeshError;
 use crate::mesh_io::ledger::LedgerKind;
 use crate::mesh_io::soup::{Soup, syntax};
 use crate::mesh_io::unit::LengthUnit;
+use crate::text::quoted;
 
 /// Reads every item that the file asks to build. An item of one mesh is a solid, named after its
 /// object; of several, each is, named after the item's object and its own: `box/lid`.
@@ -279,7 +280,7 @@ impl<'a> ItemReader<'a> {
                 .record_loss(Some(solid..solid + 1), &place, element, reason);
         }
         if let Some(part) = leaf.part.as_ref().filter(|p| p.purpose == Purpose::Unknown) {
-            let item = format!("a part of type {:?}", part.word);
+            let item = format!("a part of type {}", quoted(&part.word));
             let reason = "what it is for is not known";
             self.soup
                 .record_loss(Some(solid..solid + 1), &place, &item, reason);
@@ -330,7 +331,7 @@ impl<'a> ItemReader<'a> {
                 Purpose::Negative => cuts += 1,
                 Purpose::Setting => self.ignore_setting(&part.word),
                 Purpose::Unknown => {
-                    let item = format!("a part of type {:?}", part.word);
+                    let item = format!("a part of type {}", quoted(&part.word));
                     let solids = base..self.soup.names.len();
                     let reason = "what it is for is not known";
                     self.soup.record_loss(Some(solids), place, &item, reason);

@@ -12,6 +12,7 @@ use crate::mesh::error::MeshError;
 use crate::mesh_io::content;
 use crate::mesh_io::soup::syntax;
 use crate::mesh_io::unit::LengthUnit;
+use crate::text::quoted;
 
 /// Most bytes that a file in the archive may unpack to, per byte of the archive; deflated models
 /// take 5 to 30.
@@ -400,7 +401,7 @@ impl Parser<'_> {
         let numbers: Option<Vec<f64>> = text.split_whitespace().map(|w| w.parse().ok()).collect();
         let numbers = numbers.and_then(|n| <[f64; 12]>::try_from(n).ok());
         let Some(m) = numbers else {
-            return Err(self.wrong(e, "a transform of 12 numbers", format!("{text:?}")));
+            return Err(self.wrong(e, "a transform of 12 numbers", quoted(&text)));
         };
         let [x, y, z, t] = [0, 3, 6, 9].map(|i| DVec3::new(m[i], m[i + 1], m[i + 2]));
         Ok(DMat4::from_cols(
@@ -422,7 +423,7 @@ impl Parser<'_> {
             Some("meter") => Ok(LengthUnit::M),
             Some(other) => {
                 let expected = "micron, millimeter, centimeter, inch, foot or meter";
-                Err(self.wrong(e, expected, format!("{other:?}")))
+                Err(self.wrong(e, expected, quoted(other)))
             }
         }
     }
@@ -431,7 +432,7 @@ impl Parser<'_> {
         let text = self.attribute(e, name)?.unwrap_or_default();
         text.trim()
             .parse()
-            .map_err(|_| self.wrong(e, &format!("a number as {name:?}"), format!("{text:?}")))
+            .map_err(|_| self.wrong(e, &format!("a number as {}", quoted(name)), quoted(&text)))
     }
 
     fn attribute(&self, e: &BytesStart<'_>, name: &str) -> Result<Option<String>, MeshError> {
@@ -444,9 +445,9 @@ impl Parser<'_> {
             None => String::new(),
         };
         let place = format!(
-            "{}{object}, element {:?}",
+            "{}{object}, element {}",
             self.path,
-            e.local_name().as_ref()
+            quoted(e.local_name().as_ref())
         );
         syntax(self.file, place, expected, found)
     }

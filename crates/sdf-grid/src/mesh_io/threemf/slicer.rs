@@ -11,6 +11,7 @@ use quick_xml::events::{BytesStart, Event};
 use super::package::{Package, attribute};
 use crate::mesh::error::MeshError;
 use crate::mesh_io::soup::syntax;
+use crate::text::quoted;
 
 /// The purpose of a part of an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -186,7 +187,7 @@ fn number(
     path: &str,
 ) -> Result<Option<u32>, MeshError> {
     let Some(text) = text else { return Ok(None) };
-    let place = format!("{path}, element {:?}", e.local_name().as_ref());
-    let wrong = |_| syntax(file, place, "a whole number", format!("{text:?}"));
+    let place = format!("{path}, element {}", quoted(e.local_name().as_ref()));
+    let wrong = |_| syntax(file, place, "a whole number", quoted(&text));
     text.trim().parse().map(Some).map_err(wrong)
 }

@@ -127,7 +127,7 @@ arm *ARGS:
 # Long tests that the suite leaves out: docking in more frames, accuracy in contact at more clearances.
 long:
     cargo test --release -p fft-correlate --lib -- --ignored --nocapture dock::
-    cargo test --release -p fft-correlate --test it -- --ignored --nocapture mating::
+    cargo test --release -p fft-correlate --test it -- --ignored --nocapture mating:: tolerance::
     cargo test --release -p pegfit-benches --bin contact -- --ignored --nocapture
 
 # Long tests that the suite leaves out: 50 kills of a bake, ten million queries.

@@ -160,9 +160,10 @@ impl Subassembly {
             let found = search.straight(&Pose::IDENTITY);
             let rest = all_but(&meshes, i);
             let search = MatingSearch::new(&rest, &meshes[i], options(clearance));
-            let rank = |pose: &Pose| search.measure(pose).rank;
-            if found.pose != Pose::IDENTITY && rank(&found.pose) > rank(&Pose::IDENTITY) - STRAIGHT
-            {
+            let [before, after] = [Pose::IDENTITY, found.pose].map(|p| search.measure(&p).rank);
+            let angle = found.pose.angle_to(&Pose::IDENTITY).to_degrees();
+            tracing::debug!(shape = placed.shape, before, after, angle, "set straight");
+            if after > before - STRAIGHT {
                 placed.pose = found.pose * placed.pose;
                 placed.joint = found.joint;
                 meshes[i] = moved(&shapes[placed.shape].mesh, &placed.pose);

@@ -46,7 +46,7 @@ def test_a_report_is_what_the_run_says(run, tmp_path):
     run.report(tmp_path / "r.html")
     page = (tmp_path / "r.html").read_text(encoding="utf-8")
     figures = re.findall(r'role="tab"[^>]*>([^<]+)</button>', page)
-    assert {"Force", "Torque", "Energy"} <= set(figures), figures
+    assert {"force", "torque", "energy"} <= set(figures), figures
     charts = re.findall(r"<svg.*?</svg>", page, re.DOTALL)
     assert len(charts) >= 3
     for chart in charts:

@@ -1,34 +1,36 @@
 //! Assemblies from scattered parts: `assemble [--quick] [--out DIR] [--seeds A..B] [--frames A..B]
-//! [--only NAME] [--apart] [--page PAGE.md] [FOLDER...]`.
+//! [--only NAME] [--limit SECONDS] [--apart] [--page PAGE.md] [FOLDER...]`.
 //!
 //! The generated assemblies of `pegfit_fixtures` with the sizes of `--seeds`, and those of folders
 //! (parts as OBJ files in their places, `assembly.json` with unit and names). Every part is moved at
 //! random (`--frames`; 0: as it lies) and the whole is put together again. A part is right if it lies
 //! within 2 % of its diagonal of its place relative to the others, up to symmetry and to equal parts.
-//! With `--apart` what was found is taken apart, as the command does. Prints a line per try; writes
+//! A search that takes longer than `--limit` (600 s) is stopped, and what it has is judged. With
+//! `--apart` what was found is taken apart, as the command does. Prints a line per try; writes
 //! `assemblies.csv`, a line per assembly, and with `--page` the table into a page.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use pegfit_assemble::{AssemblyRequest, AssemblyResult, AssemblySearch};
 use pegfit_benches::known_assemblies::{Verdict, judge, known_score, read, scattered};
 use pegfit_benches::table::{Table, significant};
 use pegfit_benches::{Arguments, Outcome, parse_range};
 use pegfit_fixtures::{KnownAssembly, known_assembly, known_assembly_names};
-use sdf_grid::Silent;
+use sdf_grid::Monitor;
 
 struct Wanted {
     seeds: Range<u64>,
     frames: Range<u64>,
     only: String,
+    limit: Duration,
     page: Option<PathBuf>,
     request: AssemblyRequest,
 }
 
 const USAGE: &str = "usage: assemble [--quick] [--out DIR] [--seeds A..B] [--frames A..B] \
-    [--only NAME] [--apart] [--page PAGE.md] [FOLDER...]";
+    [--only NAME] [--limit SECONDS] [--apart] [--page PAGE.md] [FOLDER...]";
 
 /// What the tries at one assembly gave.
 #[derive(Default)]
@@ -48,10 +50,16 @@ fn main() -> Outcome<()> {
     let mut table = Table::new(
         "assemblies",
         "Assemblies from scattered parts",
-        "Every part is moved at random. Right: all parts lie within 2 % of their diagonals of their \
-         places relative to each other, up to symmetry and to equal parts, and nothing that does \
-         not belong there is placed. Not certain: wrong, and the result says that another assembly \
-         is as good. Overlap: the largest volume that two parts share, of the smallest part's.",
+        &format!(
+            "Every part is moved at random. Right: all parts lie within 2 % of their diagonals of \
+             their places relative to each other, up to symmetry and to equal parts, and nothing \
+             that does not belong there is placed. Not certain: wrong, and the result says that \
+             another assembly is as good. Overlap: the largest volume that two parts share, of the \
+             smallest part's. A search is stopped after {} s. Sizes of seeds {:?}, frames {:?}.",
+            wanted.limit.as_secs(),
+            wanted.seeds,
+            wanted.frames
+        ),
         &[
             "assembly",
             "parts",
@@ -69,7 +77,7 @@ fn main() -> Outcome<()> {
         println!("\n== {}", known.name);
         let mut tries = Tries::default();
         for frame in wanted.frames.clone() {
-            one(&known, frame, &wanted.request, &mut tries);
+            one(&known, frame, &wanted, &mut tries);
         }
         table.push(tries.row(&known));
         // A long run that is stopped leaves what it has.
@@ -80,12 +88,22 @@ fn main() -> Outcome<()> {
     arguments.publish(&table, None)
 }
 
+/// Stops a search at a time.
+struct Deadline(Instant);
+
+impl Monitor for Deadline {
+    fn cancelled(&self) -> bool {
+        Instant::now() > self.0
+    }
+}
+
 /// One try.
-fn one(known: &KnownAssembly, frame: u64, request: &AssemblyRequest, tries: &mut Tries) {
+fn one(known: &KnownAssembly, frame: u64, wanted: &Wanted, tries: &mut Tries) {
     let parts = scattered(known, frame);
     tries.count += 1;
-    let search = AssemblySearch::new(parts.clone(), request.clone());
-    let result = match search.and_then(|search| search.run(&Silent)) {
+    let search = AssemblySearch::new(parts.clone(), wanted.request.clone());
+    let deadline = Deadline(Instant::now() + wanted.limit);
+    let result = match search.and_then(|search| search.run(&deadline)) {
         Ok(result) => result,
         Err(error) => {
             println!("   {frame}: {error}");
@@ -94,6 +112,11 @@ fn one(known: &KnownAssembly, frame: u64, request: &AssemblyRequest, tries: &mut
     };
     let verdict = judge(known, &parts, &result.assemblies[0]);
     println!("   {frame}: {}", line(&result, &verdict, known));
+    if deadline.cancelled() && !verdict.is_right() {
+        println!("   {frame}: stopped");
+        tries.seconds.push(result.seconds);
+        return tries.wrong.push("out of time".to_owned());
+    }
     tries.add(&result, verdict);
 }
 
@@ -168,6 +191,7 @@ fn wanted(arguments: &mut Arguments) -> Outcome<Wanted> {
         seeds: 1..2,
         frames: if arguments.quick { 1..2 } else { 1..4 },
         only: String::new(),
+        limit: Duration::from_secs(600),
         page: None,
         request: AssemblyRequest {
             path_time: Duration::ZERO,
@@ -189,6 +213,7 @@ fn wanted(arguments: &mut Arguments) -> Outcome<Wanted> {
             "--seeds" => wanted.seeds = parse_range(&value).ok_or(USAGE)?,
             "--frames" => wanted.frames = parse_range(&value).ok_or(USAGE)?,
             "--only" => wanted.only = value,
+            "--limit" => wanted.limit = Duration::from_secs(value.parse().map_err(|_| USAGE)?),
             "--page" => wanted.page = Some(value.into()),
             _ => return Err(USAGE.into()),
         }

@@ -10,7 +10,7 @@ A comment just before a block says what a reader need not see:
     <!-- printed by: WORDS -->    the block is what the last block that holds these words printed
 
 Of what is printed, `...` stands for any text or, alone on a line, for any lines; a number with decimals
-may differ by one in its last digit, and spaces may differ.
+or of four digits may differ by one in its last digit, and spaces may differ.
 """
 
 from __future__ import annotations
@@ -124,10 +124,11 @@ def _same(expected: str, found: str) -> bool:
 
 
 def _near(expected: str, found: str) -> bool:
-    """Whether two numbers are the same or, of those with decimals, one apart in the last digit."""
+    """Whether two numbers are the same or, of those with decimals or four digits, one apart in the
+    last digit."""
     expected, found = (text.replace("\u2212", "-") for text in (expected, found))
     digits, _, power = expected.partition("e")
     decimals = len(digits.partition(".")[2])
-    if not (decimals or power):
+    if not (decimals or power) and len(digits.lstrip("-")) < 4:
         return expected == found
     return abs(float(expected) - float(found)) < 1.01 * 10.0 ** (int(power or 0) - decimals)

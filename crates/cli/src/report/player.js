@@ -152,7 +152,12 @@ class Picture {
     const shown = data.acts.length ? data.acts[0].staying : data.parts.map((_, part) => part);
     const [middle, reach] = reachOf(data, shown);
     [this.middle, this.zoom, this.yaw, this.pitch] = [middle, 0.48 / reach, 0.7, -1.15];
-    if (!this.gl) return;
+    if (!this.gl) {
+      canvas.hidden = true;
+      const none = 'This browser draws nothing in space: it has no WebGL.';
+      canvas.insertAdjacentHTML('beforebegin', `<p>${none}</p>`);
+      return;
+    }
     this.program = program(this.gl);
     this.buffers = data.parts.map((surface) => flat(surface).map((values) => {
       const buffer = this.gl.createBuffer();

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use fft_correlate::Pose;
 use fft_correlate::mating::{Joint, MatingSearch, MatingSearchOptions};
+use glam::DQuat;
 use rayon::prelude::*;
 use sdf_grid::TriangleMesh;
 
@@ -137,38 +138,51 @@ impl Subassembly {
     }
 
     /// The same with every part that may turn, from the `known` first ones on, turned so that its
-    /// planes are parallel to those of the parts that may not turn or were turned before, where all
-    /// others hold it about as well: a leg in its thread.
+    /// planes are parallel to those of the parts that may not turn or were turned before, an equal part
+    /// first, where all others hold it about as well: a leg in its thread.
     pub(crate) fn straight(&self, shapes: &[Shape], clearance: Option<f64>, known: usize) -> Self {
         let mut meshes = self.meshes(shapes);
         let mut straight = self.clone();
-        // The joint that held a part when it was placed may be another by now.
-        let is_set = |i: usize| {
+        // The joint that held a part when it was placed may be another by now; none of parts that
+        // do not turn.
+        let turning = |i: usize| {
             let rest = all_but(&meshes, i);
             let search = MatingSearch::new(&rest, &meshes[i], options(clearance));
             let joint = || search.describe(&[Pose::IDENTITY]).pop().map(|h| h.joint);
-            i < known.max(1) || joint().is_none_or(|joint| !joint.kind.turns())
+            let free = i >= known.max(1);
+            free.then(joint).flatten().filter(|j| j.kind.turns())
         };
-        let mut set: Vec<bool> = (0..meshes.len()).into_par_iter().map(is_set).collect();
-        for (i, placed) in straight.placed.iter_mut().enumerate() {
-            if set[i] {
+        let mut turning: Vec<Option<Joint>> =
+            (0..meshes.len()).into_par_iter().map(turning).collect();
+        for i in 0..meshes.len() {
+            let Some(joint) = turning[i].take() else {
                 continue;
-            }
-            let already = meshes.iter().zip(&set).filter(|(_, set)| **set);
-            let already = TriangleMesh::joined(already.map(|(mesh, _)| mesh));
-            let search = MatingSearch::new(&already, &meshes[i], options(clearance));
-            let found = search.straight(&Pose::IDENTITY);
+            };
             let rest = all_but(&meshes, i);
-            let search = MatingSearch::new(&rest, &meshes[i], options(clearance));
-            let [before, after] = [Pose::IDENTITY, found.pose].map(|p| search.measure(&p).rank);
+            let full = MatingSearch::new(&rest, &meshes[i], options(clearance));
+            let set: Vec<usize> = (0..meshes.len())
+                .filter(|k| *k != i && turning[*k].is_none())
+                .collect();
+            let already = TriangleMesh::joined(set.iter().map(|k| &meshes[*k]));
+            let placed = &straight.placed[i];
+            let equal = (set.iter().map(|k| &straight.placed[*k]))
+                .filter(|other| other.shape == placed.shape)
+                .find_map(|other| turn_to(&joint, placed, other));
+            let options = MatingSearchOptions {
+                present: equal,
+                ..options(clearance)
+            };
+            let search = MatingSearch::new(&already, &meshes[i], options);
+            let found = search.straight(&Pose::IDENTITY);
+            let [before, after] = [Pose::IDENTITY, found.pose].map(|p| full.measure(&p).rank);
             let angle = found.pose.angle_to(&Pose::IDENTITY).to_degrees();
             tracing::debug!(shape = placed.shape, before, after, angle, "set straight");
+            let placed = &mut straight.placed[i];
             if after > before - STRAIGHT {
                 placed.pose = found.pose * placed.pose;
                 placed.joint = found.joint;
                 meshes[i] = moved(&shapes[placed.shape].mesh, &placed.pose);
             }
-            set[i] = true;
         }
         straight
     }
@@ -196,6 +210,15 @@ impl Subassembly {
         let mesh = |p: &Placed| moved(&shapes[p.shape].mesh, &p.pose);
         self.placed.iter().map(mesh).collect()
     }
+}
+
+/// The turn about a joint that makes a part parallel to an equal one, if one does.
+fn turn_to(joint: &Joint, part: &Placed, equal: &Placed) -> Option<Pose> {
+    let between = equal.pose.rotation * part.pose.rotation.conjugate();
+    let angle = 2.0 * between.xyz().dot(joint.axis).atan2(between.w);
+    let turn = DQuat::from_axis_angle(joint.axis, angle);
+    let parallel = turn.dot(between).abs() > (0.5 * PARALLEL).cos();
+    parallel.then(|| Pose::new(turn, joint.point - turn * joint.point))
 }
 
 fn options(clearance: Option<f64>) -> MatingSearchOptions {

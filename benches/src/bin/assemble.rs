@@ -114,7 +114,7 @@ fn one(known: &KnownAssembly, frame: u64, wanted: &Wanted, tries: &mut Tries) {
     println!("   {frame}: {}", line(&result, &verdict, known));
     if deadline.cancelled() && !verdict.is_right() {
         println!("   {frame}: stopped");
-        tries.seconds.push(result.seconds);
+        tries.measure(&result, &verdict);
         return tries.wrong.push("out of time".to_owned());
     }
     tries.add(&result, verdict);
@@ -151,10 +151,14 @@ fn line(result: &AssemblyResult, verdict: &Verdict, known: &KnownAssembly) -> St
 }
 
 impl Tries {
-    fn add(&mut self, result: &AssemblyResult, verdict: Verdict) {
+    fn measure(&mut self, result: &AssemblyResult, verdict: &Verdict) {
         self.seconds.push(result.seconds);
         self.pairs = self.pairs.max(result.pairs.len());
         self.overlap = self.overlap.max(verdict.overlap);
+    }
+
+    fn add(&mut self, result: &AssemblyResult, verdict: Verdict) {
+        self.measure(result, &verdict);
         match (verdict.is_right(), result.is_certain()) {
             (true, _) => self.right += 1,
             (false, false) => self.ambiguous += 1,

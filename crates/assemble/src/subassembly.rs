@@ -238,3 +238,35 @@ fn all_but(meshes: &[TriangleMesh], one: usize) -> TriangleMesh {
 pub(crate) fn moved(mesh: &TriangleMesh, pose: &Pose) -> TriangleMesh {
     mesh.transformed(pose.rotation, pose.translation)
 }
+
+#[cfg(test)]
+mod tests {
+    use fft_correlate::mating::JointKind;
+    use glam::DVec3;
+
+    use super::*;
+
+    /// About an axis that is not through the origin; a part that lies on its side has no such turn.
+    #[test]
+    fn a_turn_about_the_joint_makes_equal_parts_parallel() {
+        let joint = Joint {
+            kind: JointKind::Revolute,
+            axis: DVec3::Y,
+            point: DVec3::new(0.03, 0.0, -0.02),
+            ..Joint::default()
+        };
+        let placed = |turn: DVec3| Placed {
+            shape: 0,
+            member: 0,
+            pose: Pose::new(DQuat::from_scaled_axis(turn), DVec3::new(0.1, 0.2, 0.3)),
+            joint: Joint::default(),
+            held: Held::default(),
+        };
+        let (part, equal) = (placed(0.4 * DVec3::Y), placed(-0.9 * DVec3::Y));
+        let turn = turn_to(&joint, &part, &equal).unwrap();
+        let turned = turn * part.pose;
+        assert!(turned.rotation.angle_between(equal.pose.rotation) < 1e-9);
+        assert!(turn.apply(joint.point).distance(joint.point) < 1e-12);
+        assert!(turn_to(&joint, &part, &placed(1.5 * DVec3::X)).is_none());
+    }
+}

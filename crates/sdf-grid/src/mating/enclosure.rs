@@ -66,9 +66,10 @@ impl<'a> Enclosure<'a> {
         });
         thicken(&mut both);
         flood(&mut both);
-        let outside = |at: usize| fixed[at] == OUTER && moving[at] == OUTER;
-        for at in (0..both.len()).filter(|at| outside(*at)) {
-            both[at] |= u8::from(both[at] == 0) * ENCLOSED;
+        for at in 0..both.len() {
+            if both[at] == 0 && fixed[at] == OUTER && moving[at] == OUTER {
+                both[at] = ENCLOSED;
+            }
         }
         // With the cells beside a surface that only kept the probe out.
         let beside = |at: &usize| neighbours(*at).any(|next| both[next] == ENCLOSED);

@@ -111,7 +111,6 @@ pub struct HoldReport {
 pub struct MatingContact {
     /// The fixed part's faces, for opposite faces within the clearance, and for depths.
     fixed: FaceGrid,
-    fixed_depth: FaceGrid,
     moving: FaceGrid,
     samples: Vec<SurfacePoint>,
     few: Vec<SurfacePoint>,
@@ -170,7 +169,6 @@ impl MatingContact {
             axes,
             known_axis: None,
             fixed: FaceGrid::new(fixed, clearance, OPPOSITE_COSINE),
-            fixed_depth: FaceGrid::new(fixed, resolution, OPPOSITE_COSINE),
             moving: FaceGrid::new(moving, resolution, OPPOSITE_COSINE),
             few: surface_points(moving, FEW_SAMPLES),
             fewest: surface_points(moving, FEWEST_SAMPLES),
@@ -264,10 +262,7 @@ impl MatingContact {
         let mut inside = 0.0;
         for s in samples {
             let p = pose.apply(s.position);
-            if self
-                .fixed_depth
-                .is_deeper(p, COARSELY_DEEP * self.resolution)
-            {
+            if self.fixed.is_deeper(p, COARSELY_DEEP * self.resolution) {
                 inside += s.weight;
                 if information - INSIDE * inside < least {
                     return None;
@@ -279,6 +274,28 @@ impl MatingContact {
 
     /// How contact holds the part at a pose, without its overlap.
     pub fn hold(&self, pose: &Pose) -> HoldReport {
+        let held = self.mating(pose);
+        let interpenetration = self.interpenetration(pose, f64::INFINITY);
+        HoldReport {
+            interpenetration,
+            hold: held.hold - INSIDE * interpenetration,
+            ..held
+        }
+    }
+
+    /// The same hold as [`Self::hold`]'s, if it is above `least` (nats): faster where it is not.
+    pub(super) fn hold_above(&self, pose: &Pose, least: f64) -> Option<f64> {
+        let held = self.mating(pose);
+        if held.hold <= least {
+            return None;
+        }
+        let most = (held.hold - least) / INSIDE;
+        let hold = held.hold - INSIDE * self.interpenetration(pose, most);
+        (hold > least).then_some(hold)
+    }
+
+    /// How contact holds the part, as if nothing lay inside.
+    fn mating(&self, pose: &Pose) -> HoldReport {
         let clearance = self.clearance();
         let centre = pose.apply(self.centre);
         let (mut all, mut by_patch) = (ContactGramian::default(), Matrix6::default());
@@ -293,7 +310,6 @@ impl MatingContact {
             normals.push((n, s.weight));
         });
         let escape = escape(&normals);
-        let interpenetration = self.interpenetration(pose, DEEP * self.resolution);
         let hold = match normals.is_empty() {
             true => 0.0,
             false => {
@@ -305,23 +321,35 @@ impl MatingContact {
             information: all.information(),
             share: all.share,
             escape,
-            interpenetration,
-            hold: hold - ESCAPE * escape - INSIDE * interpenetration,
+            interpenetration: 0.0,
+            hold: hold - ESCAPE * escape,
         }
     }
 
-    /// Area of both surfaces deeper than `depth` in the other part, over the moving part's area.
-    fn interpenetration(&self, pose: &Pose, depth: f64) -> f64 {
-        let inside = |s: &&SurfacePoint| self.fixed_depth.is_deeper(pose.apply(s.position), depth);
-        let moving: f64 = self.samples.iter().filter(inside).map(|s| s.weight).sum();
+    /// Area of both surfaces that lies deep in the other part, over the moving part's area; where it
+    /// is above `most`, something above that.
+    fn interpenetration(&self, pose: &Pose, most: f64) -> f64 {
+        let depth = DEEP * self.resolution;
+        let mut moving = 0.0;
+        for s in &self.samples {
+            if self.fixed.is_deeper(pose.apply(s.position), depth) {
+                moving += s.weight;
+                if moving > most {
+                    return moving;
+                }
+            }
+        }
         let back = pose.inverse();
         let corners = self.corners.map(|c| pose.apply(c));
         let mut fixed = 0.0;
-        self.fixed_samples.visit_box(&corners, |p, weight| {
-            if self.moving.is_deeper(back.apply(p), depth) {
+        for (p, weight) in self.fixed_samples.in_box(&corners) {
+            if self.moving.is_deeper(back.apply(*p), depth) {
                 fixed += weight;
+                if moving + self.fixed_weight * fixed > most {
+                    break;
+                }
             }
-        });
+        }
         moving + self.fixed_weight * fixed
     }
 
@@ -376,19 +404,14 @@ impl SampleCells {
         Self { cell, cells }
     }
 
-    /// Calls `found` with the samples of all cells that the box around some points touches.
-    fn visit_box(&self, around: &[DVec3], mut found: impl FnMut(DVec3, f64)) {
+    /// The samples of all cells that the box around some points touches.
+    fn in_box(&self, around: &[DVec3]) -> impl Iterator<Item = &(DVec3, f64)> {
         let low = around.iter().fold(DVec3::INFINITY, |a, p| a.min(*p));
         let high = around.iter().fold(DVec3::NEG_INFINITY, |a, p| a.max(*p));
         let (low, high) = (key(low / self.cell), key(high / self.cell));
-        for x in low[0]..=high[0] {
-            for y in low[1]..=high[1] {
-                for z in low[2]..=high[2] {
-                    let samples = self.cells.get(&[x, y, z]).into_iter().flatten();
-                    samples.for_each(|(p, w)| found(*p, *w));
-                }
-            }
-        }
+        let rows = (low[0]..=high[0]).flat_map(move |x| (low[1]..=high[1]).map(move |y| [x, y]));
+        let keys = rows.flat_map(move |[x, y]| (low[2]..=high[2]).map(move |z| [x, y, z]));
+        keys.flat_map(|key| self.cells.get(&key).into_iter().flatten())
     }
 }
 

@@ -62,9 +62,16 @@ impl MatingContact {
         let near = self.approach(many, start, &NEARLY_RIGHT);
         let far = self.approach(few, start, &FROM_AFAR);
         let far = self.approach(many, &far, &NEARLY_RIGHT);
-        let held = |pose: Pose| (pose, self.hold(&pose).hold);
-        let better = |a: (Pose, f64), b: (Pose, f64)| if b.1 > a.1 { b } else { a };
-        better(better(held(near), held(far)), held(*start))
+        let near = (near, self.hold(&near).hold);
+        self.better(self.better(near, far, 0.0), *start, 0.0)
+    }
+
+    /// A pose with its hold, or the other one if that holds the part better by more than `by`, nats.
+    fn better(&self, held: (Pose, f64), other: Pose, by: f64) -> (Pose, f64) {
+        match self.hold_above(&other, held.1 + by) {
+            Some(hold) => (other, hold),
+            None => held,
+        }
     }
 
     /// The seat of a pose that is nearly right.
@@ -107,11 +114,7 @@ impl MatingContact {
         let middle = start.apply(self.centre);
         let straight = Pose::new(*q, middle - *q * self.centre);
         let straight = self.approach_nearly_right(&straight);
-        let there = self.hold(&straight).hold;
-        match there > hold {
-            true => (straight, there),
-            false => (start, hold),
-        }
+        self.better((start, hold), straight, 0.0)
     }
 
     /// A seated round part turned about its axis (its own frame) so that its facets lie best in those
@@ -126,23 +129,16 @@ impl MatingContact {
             return start;
         };
         let about = start.0.rotation * axis;
-        let spun = turns.iter().map(|turn| {
+        turns.iter().fold(start, |best, turn| {
             let pose = self.moved(&start.0, *turn * about, DVec3::ZERO);
-            let pose = self.approach_nearly_right(&pose);
-            (pose, self.hold(&pose).hold)
-        });
-        spun.fold(start, |a, b| if b.1 > a.1 + CLEARLY { b } else { a })
+            self.better(best, self.approach_nearly_right(&pose), CLEARLY)
+        })
     }
 
     /// The pose in the middle of the play around one, if that holds the part as well: faces on both
     /// sides within the clearance count, however close one of them is.
     pub(super) fn centred(&self, (start, hold): (Pose, f64)) -> (Pose, f64) {
-        let pose = self.middle(&start);
-        let there = self.hold(&pose).hold;
-        match there > hold - MIDDLE {
-            true => (pose, there),
-            false => (start, hold),
-        }
+        self.better((start, hold), self.middle(&start), -MIDDLE)
     }
 
     /// The pose in the middle of the play around one.
@@ -234,16 +230,19 @@ impl MatingContact {
                 DVec3::new(m[3], m[4], m[5]) / self.radius,
                 DVec3::new(m[0], m[1], m[2]),
             );
-            let tries = [1.0, -1.0].map(|sense| {
+            let mut best = None;
+            for sense in [1.0, -1.0] {
                 let length = sense * stride * self.resolution;
                 let there = self.moved(&pose, length * turn, length * shift);
                 let there = self.approach_nearly_right(&there);
-                (there, self.hold(&there).hold)
-            });
-            let [a, b] = tries;
-            let best = if b.1 > a.1 { b } else { a };
-            if best.1 > hold + 1e-3 {
-                (pose, hold) = best;
+                let least = best.map_or(hold + 1e-3, |(_, hold)| hold);
+                best = self
+                    .hold_above(&there, least)
+                    .map(|hold| (there, hold))
+                    .or(best);
+            }
+            if let Some(better) = best {
+                (pose, hold) = better;
                 stride = (2.0 * stride).min(LONGEST);
             } else if stride > 0.3 {
                 stride *= 0.4;

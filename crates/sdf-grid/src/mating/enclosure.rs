@@ -11,11 +11,12 @@ const OF_DIAGONAL: f64 = 24.0;
 /// Points on a surface mark the cells it passes; their distance, cells.
 const SPACING: f64 = 0.4;
 
-/// Cells that were reached, that a surface passes, beside such a one, and enclosed ones.
-const OUTER: u8 = 1;
-const SURFACE: u8 = 2;
-const NEAR: u8 = 4;
-const ENCLOSED: u8 = 8;
+/// A set of cells of the cube: a row of bits along z for every x and y.
+#[derive(Debug, Clone, PartialEq)]
+struct Cells(Vec<u128>);
+
+/// All cells of a row.
+const ROW: u128 = (1 << CELLS) - 1;
 
 /// A question asked at many poses: how much space do two parts enclose that neither encloses alone?
 ///
@@ -55,31 +56,20 @@ impl<'a> Enclosure<'a> {
         let placed = self.moving.transformed(rotation, translation);
         let half = 0.5 * CELLS as f64 * self.cell;
         let corner = placed.bounds().center() - half;
-        let marked = [self.fixed, &placed].map(|mesh| self.marked(mesh, corner));
-        let mut both: Vec<u8> = (marked[0].iter().zip(&marked[1]))
-            .map(|(a, b)| a | b)
-            .collect();
-        let [fixed, moving] = marked.map(|mut cells| {
-            thicken(&mut cells);
-            flood(&mut cells);
-            cells
-        });
-        thicken(&mut both);
-        flood(&mut both);
-        for at in 0..both.len() {
-            if both[at] == 0 && fixed[at] == OUTER && moving[at] == OUTER {
-                both[at] = ENCLOSED;
-            }
-        }
+        let [fixed, moving] = [self.fixed, &placed].map(|mesh| self.marked(mesh, corner));
+        let both = fixed.or(&moving);
+        let near = both.thickened();
+        let reached = near.complement().reached();
+        let [fixed, moving] = [fixed, moving].map(|own| own.thickened().complement().reached());
+        let enclosed = near.or(&reached).complement().and(&fixed).and(&moving);
         // With the cells beside a surface that only kept the probe out.
-        let beside = |at: &usize| neighbours(*at).any(|next| both[next] == ENCLOSED);
-        let enclosed = |at: &usize| both[*at] == ENCLOSED || both[*at] == NEAR && beside(at);
-        (0..both.len()).filter(enclosed).count() as f64 * self.cell.powi(3)
+        let beside = enclosed.thickened().and(&near).and(&both.complement());
+        enclosed.or(&beside).count() as f64 * self.cell.powi(3)
     }
 
     /// The cells of the cube that a surface passes.
-    fn marked(&self, mesh: &TriangleMesh, corner: DVec3) -> Vec<u8> {
-        let mut cells = vec![0; CELLS * CELLS * CELLS];
+    fn marked(&self, mesh: &TriangleMesh, corner: DVec3) -> Cells {
+        let mut cells = Cells::none();
         let wide = CELLS as f64;
         for triangle in mesh.faces() {
             let corners = triangle.map(|p| (p - corner) / self.cell);
@@ -95,7 +85,7 @@ impl<'a> Enclosure<'a> {
 }
 
 /// Marks the cells in which points of a triangle lie, whose distance is at most the spacing.
-fn mark([a, b, c]: [DVec3; 3], cells: &mut [u8]) {
+fn mark([a, b, c]: [DVec3; 3], cells: &mut Cells) {
     let most = DVec3::splat((CELLS - 1) as f64);
     let steps = |length: f64| (length / SPACING).ceil().max(1.0);
     let rows = steps((b - a).length().max((c - a).length()));
@@ -106,7 +96,7 @@ fn mark([a, b, c]: [DVec3; 3], cells: &mut [u8]) {
         for j in 0..=points as usize {
             let at = p.lerp(q, j as f64 / points).floor();
             let at = at.clamp(DVec3::ZERO, most);
-            cells[index(at.x as usize, at.y as usize, at.z as usize)] = SURFACE;
+            cells.0[at.x as usize * CELLS + at.y as usize] |= 1 << at.z as u32;
         }
     }
 }
@@ -134,68 +124,85 @@ fn clipped(triangle: [DVec3; 3], wide: f64) -> Vec<DVec3> {
     polygon
 }
 
-fn index(x: usize, y: usize, z: usize) -> usize {
-    (x * CELLS + y) * CELLS + z
-}
+impl Cells {
+    fn none() -> Self {
+        Self(vec![0; CELLS * CELLS])
+    }
 
-/// The cells that share a side with a cell.
-fn neighbours(at: usize) -> impl Iterator<Item = usize> {
-    let last = CELLS - 1;
-    let (x, y, z) = (at / (CELLS * CELLS), at / CELLS % CELLS, at % CELLS);
-    let sides = [
-        (x > 0, at.wrapping_sub(CELLS * CELLS)),
-        (x < last, at + CELLS * CELLS),
-        (y > 0, at.wrapping_sub(CELLS)),
-        (y < last, at + CELLS),
-        (z > 0, at.wrapping_sub(1)),
-        (z < last, at + 1),
-    ];
-    sides
-        .into_iter()
-        .filter_map(|(has, next)| has.then_some(next))
-}
+    fn or(&self, other: &Self) -> Self {
+        Self(self.0.iter().zip(&other.0).map(|(a, b)| a | b).collect())
+    }
 
-/// Marks the cells beside those that a surface passes.
-fn thicken(cells: &mut [u8]) {
-    for at in 0..cells.len() {
-        if cells[at] == SURFACE {
-            for next in neighbours(at) {
-                if cells[next] == 0 {
-                    cells[next] = NEAR;
-                }
+    fn and(&self, other: &Self) -> Self {
+        Self(self.0.iter().zip(&other.0).map(|(a, b)| a & b).collect())
+    }
+
+    fn complement(&self) -> Self {
+        Self(self.0.iter().map(|row| !row & ROW).collect())
+    }
+
+    fn count(&self) -> u32 {
+        self.0.iter().map(|row| row.count_ones()).sum()
+    }
+
+    /// The rows beside a row, together.
+    fn beside(&self, x: usize, y: usize) -> u128 {
+        let row = |there: bool, x: usize, y: usize| if there { self.0[x * CELLS + y] } else { 0 };
+        row(x > 0, x.wrapping_sub(1), y)
+            | row(x + 1 < CELLS, x + 1, y)
+            | row(y > 0, x, y.wrapping_sub(1))
+            | row(y + 1 < CELLS, x, y + 1)
+    }
+
+    /// With the cells that share a side with one of them.
+    fn thickened(&self) -> Self {
+        let row = |at: usize| {
+            let own = self.0[at];
+            (own | own << 1 | own >> 1 | self.beside(at / CELLS, at % CELLS)) & ROW
+        };
+        Self((0..self.0.len()).map(row).collect())
+    }
+
+    /// Those of them that can be reached from the boundary of the cube.
+    fn reached(&self) -> Self {
+        let last = CELLS - 1;
+        let mut found = self.clone();
+        for (at, row) in found.0.iter_mut().enumerate() {
+            let [x, y] = [at / CELLS, at % CELLS];
+            if ![x, y].iter().any(|k| *k == 0 || *k == last) {
+                *row &= 1 | 1 << last;
+            }
+        }
+        // Forth and back, until a sweep finds no more.
+        loop {
+            let before = found.clone();
+            (0..self.0.len()).for_each(|at| self.reach(&mut found, at));
+            (0..self.0.len())
+                .rev()
+                .for_each(|at| self.reach(&mut found, at));
+            if found == before {
+                return found;
             }
         }
     }
-}
 
-/// Marks the unmarked cells that can be reached from the boundary of the cube.
-fn flood(cells: &mut [u8]) {
-    let last = CELLS - 1;
-    let mut open: Vec<usize> = Vec::new();
-    for x in 0..CELLS {
-        for y in 0..CELLS {
-            for at in [
-                index(x, y, 0),
-                index(x, y, last),
-                index(x, 0, y),
-                index(x, last, y),
-                index(0, x, y),
-                index(last, x, y),
-            ] {
-                if cells[at] == 0 {
-                    cells[at] = OUTER;
-                    open.push(at);
-                }
-            }
+    /// Adds the cells of a row that can be reached from what has been reached in it and beside it.
+    fn reach(&self, found: &mut Self, at: usize) {
+        let (own, open) = (found.0[at], self.0[at]);
+        let mut row = own | open & found.beside(at / CELLS, at % CELLS);
+        if row == own && own != 0 && (own << 1 | own >> 1) & open & !own == 0 {
+            return;
         }
-    }
-    while let Some(at) = open.pop() {
-        for next in neighbours(at) {
-            if cells[next] == 0 {
-                cells[next] = OUTER;
-                open.push(next);
-            }
+        // By twice as many cells each time, as far as all in between are open.
+        let [mut up, mut down] = [open; 2];
+        let mut step = 1;
+        while step < CELLS {
+            row |= up & row << step | down & row >> step;
+            up &= up << step;
+            down &= down >> step;
+            step *= 2;
         }
+        found.0[at] = row;
     }
 }
 
@@ -234,17 +241,51 @@ mod tests {
             .map(|w| 0.5 * (w[0] - inside[0]).cross(w[1] - inside[0]).length())
             .sum::<f64>();
         assert!((area - (CELLS * CELLS) as f64).abs() < 1.0, "{area}");
-        let mut cells = vec![0; CELLS * CELLS * CELLS];
+        let mut cells = Cells::none();
         for w in inside.windows(2).skip(1) {
             mark([inside[0], w[0], w[1]], &mut cells);
         }
-        let marked = |x, y, z| cells[index(x, y, z)] == SURFACE;
+        let marked = |x: usize, y: usize, z: usize| cells.0[x * CELLS + y] >> z & 1 == 1;
         for x in 0..CELLS {
             for y in 0..CELLS {
                 assert!(marked(x, y, 36) && !marked(x, y, 35), "{x} {y}");
             }
         }
         assert!(clipped(face.map(|p| p + 100.0 * DVec3::Z), CELLS as f64).is_empty());
+    }
+
+    /// Against cell by cell, in mazes that are more and less open.
+    #[test]
+    fn what_is_reached_in_rows_is_what_is_reached_cell_by_cell() {
+        use rand::{Rng, SeedableRng, rngs::SmallRng};
+        let mut random = SmallRng::seed_from_u64(3);
+        let open = |cells: &Cells, at: [usize; 3]| {
+            at.iter().all(|k| *k < CELLS) && cells.0[at[0] * CELLS + at[1]] >> at[2] & 1 == 1
+        };
+        for share in [0.25, 0.33, 0.4, 0.7] {
+            let mut row =
+                || (0..CELLS).fold(0, |r, _| r << 1 | u128::from(random.random_bool(share)));
+            let maze = Cells((0..CELLS * CELLS).map(|_| row()).collect());
+            let mut slow = Cells::none();
+            let all = (0..CELLS.pow(3)).map(|k| [k / CELLS / CELLS, k / CELLS % CELLS, k % CELLS]);
+            let edge = |at: &[usize; 3]| at.iter().any(|k| *k == 0 || *k == CELLS - 1);
+            let mut stack: Vec<[usize; 3]> = all.filter(edge).collect();
+            while let Some(at) = stack.pop() {
+                if open(&maze, at) && !open(&slow, at) {
+                    slow.0[at[0] * CELLS + at[1]] |= 1 << at[2];
+                    for axis in 0..3 {
+                        for step in [1, usize::MAX] {
+                            let mut next = at;
+                            next[axis] = next[axis].wrapping_add(step);
+                            stack.push(next);
+                        }
+                    }
+                }
+            }
+            let found = maze.reached();
+            assert!(found == slow, "{share}");
+            assert!(slow.count() > 0 && (slow.count() < maze.count() || share > 0.6));
+        }
     }
 
     #[test]

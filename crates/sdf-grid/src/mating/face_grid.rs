@@ -1,21 +1,21 @@
 //! A surface's faces in a uniform grid of cells, for thousands of questions about what lies near a
 //! point.
 
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicI8, AtomicUsize, Ordering::Relaxed};
-use std::sync::{OnceLock, PoisonError, RwLock};
 
-use glam::DVec3;
-use rustc_hash::FxHashMap;
+use glam::{DVec3, IVec3};
 
 use super::features::normal;
+use crate::mesh::aabb::Aabb;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::bvh::tree::Bvh;
 
 /// Entries of the cells that a grid aims at, at most: cells grow until a surface has no more.
 const ENTRIES: f64 = 4e6;
 
-/// Cells whose side of the surface is remembered, at most.
-const REMEMBERED: usize = 1 << 22;
+/// Blocks of a grid, about, at most: cells grow until there are no more.
+const BLOCKS: f64 = (1 << 18) as f64;
 
 /// Parts of a cell along each axis, each with its middle's distance from the surface and the faces
 /// that lines through it may meet.
@@ -29,14 +29,16 @@ const LISTED: usize = 1 << 23;
 const UNIT: f64 = 1.0 / 32.0;
 const UNKNOWN: i8 = i8::MIN;
 
-/// Parts of the memory that threads lock separately.
-const LOCKS: usize = 64;
-
 /// How far beside a face a line may pass and still meet it, reaches.
 const BESIDE: f64 = 1e-6;
 
-/// Cells along each edge of a block, as a power of two.
+/// Cells along each edge of a block, as a power of two, and all of them.
 const BLOCK: u32 = 4;
+const EDGE: usize = 1 << BLOCK;
+const ALL_CELLS: usize = EDGE * EDGE * EDGE;
+
+/// In the index of a block, what marks a space without faces within reach.
+const EMPTY: u16 = 1 << 15;
 
 type Key = [i32; 3];
 
@@ -66,33 +68,48 @@ pub struct FaceGrid {
     reach: f64,
     cosine: f64,
     sine: f64,
+    bounds: Aabb,
     origin: DVec3,
-    size: DVec3,
-    /// Every block of cells with faces within reach.
-    blocks: FxHashMap<Key, Block>,
+    /// Blocks along each axis: they cover all that is within reach.
+    shape: [usize; 3],
+    blocks: Vec<Block>,
+    /// Faces within reach of each block, one block after the other.
+    block_faces: Vec<u32>,
     faces: Vec<GridFace>,
     bvh: Bvh,
     /// Faces that parts list.
     listed: AtomicUsize,
-    /// Whether cells without faces within reach lie inside.
-    inside: Vec<RwLock<FxHashMap<Key, bool>>>,
 }
 
 /// A cube of cells, which are made when one of them is first asked for: most questions are about few
 /// places of a large part.
 #[derive(Debug, Default)]
 struct Block {
-    /// Faces within reach of it.
-    faces: Vec<u32>,
-    cells: OnceLock<BlockCells>,
+    /// Range of the faces within reach of it.
+    first: u32,
+    last: u32,
+    cells: OnceLock<Box<BlockCells>>,
 }
 
 #[derive(Debug)]
 struct BlockCells {
+    /// Of every cell its number in `cells`, or `EMPTY` and its number in `spaces`; nothing where the
+    /// whole block is the first of these.
+    index: Vec<u16>,
     /// Every cell with faces within reach.
-    cells: FxHashMap<Key, Cell>,
+    cells: Vec<Cell>,
     /// Faces of all cells.
     list: Vec<u32>,
+    /// The other cells, as far as they hang together.
+    spaces: Vec<EmptySpace>,
+}
+
+/// Cells of a block without faces within reach, which lie on one side of the surface.
+#[derive(Debug)]
+struct EmptySpace {
+    /// The middle of one of them.
+    middle: DVec3,
+    inside: OnceLock<bool>,
 }
 
 #[derive(Debug)]
@@ -147,29 +164,53 @@ impl FaceGrid {
     pub fn new(mesh: &TriangleMesh, reach: f64, cosine: f64) -> Self {
         let faces: Vec<GridFace> = mesh.faces().map(GridFace::new).collect();
         let bounds = mesh.bounds();
-        let cell = reach.max((3.0 * mesh.area() / ENTRIES).sqrt());
+        let covered = bounds.size() + 2.0 * reach;
+        let least = covered.element_product().cbrt() / BLOCKS.cbrt() / EDGE as f64;
+        let cell = reach.max((3.0 * mesh.area() / ENTRIES).sqrt()).max(least);
+        let shape = (covered / (EDGE as f64 * cell)).floor().to_array();
         let mut grid = Self {
             cell,
             reach,
             cosine,
             sine: (1.0 - cosine * cosine).sqrt(),
-            origin: bounds.min,
-            size: bounds.size(),
-            blocks: FxHashMap::default(),
+            bounds,
+            origin: bounds.min - reach,
+            shape: shape.map(|n| n as usize + 1),
+            blocks: Vec::new(),
+            block_faces: Vec::new(),
             faces,
             bvh: Bvh::build(mesh),
             listed: AtomicUsize::new(0),
-            inside: (0..LOCKS).map(|_| RwLock::default()).collect(),
         };
-        let mut blocks: FxHashMap<Key, Block> = FxHashMap::default();
+        let mut entries: Vec<(u32, u32)> = Vec::new();
         for (index, face) in grid.faces.iter().enumerate() {
             let range = grid.range(face).map(|key| key.map(|k| k >> BLOCK));
-            grid.visit(face, f64::from(1 << BLOCK) * cell, range, |key| {
-                blocks.entry(key).or_default().faces.push(index as u32);
+            grid.visit(face, EDGE as f64 * cell, range, |key| {
+                let block = grid.block(key);
+                entries.extend(block.map(|block| (block as u32, index as u32)));
             });
         }
-        grid.blocks = blocks;
+        entries.sort_unstable();
+        let mut last = 0;
+        let block = |block: usize| {
+            let first = last;
+            last += entries[last..].partition_point(|e| e.0 as usize <= block);
+            Block {
+                first: first as u32,
+                last: last as u32,
+                cells: OnceLock::new(),
+            }
+        };
+        grid.blocks = (0..grid.shape.iter().product()).map(block).collect();
+        grid.block_faces = entries.iter().map(|e| e.1).collect();
         grid
+    }
+
+    /// The number of a block.
+    fn block(&self, key: Key) -> Option<usize> {
+        let [x, y, z] = key.map(|k| k as usize);
+        let [wide, deep, high] = self.shape;
+        (x < wide && y < deep && z < high).then_some((x * deep + y) * high + z)
     }
 
     /// First and last cells of the box around a face, widened by the reach.
@@ -215,52 +256,67 @@ impl FaceGrid {
     /// The cells of a block.
     fn cells(&self, block: Key, faces: &[u32]) -> BlockCells {
         let first = block.map(|k| k << BLOCK);
-        let last = first.map(|k| k + (1 << BLOCK) - 1);
-        let mut entries: Vec<(Key, u32)> = Vec::new();
+        let last = first.map(|k| k + EDGE as i32 - 1);
+        let mut entries: Vec<(u16, u32)> = Vec::new();
         for &index in faces {
             let face = &self.faces[index as usize];
             let [low, high] = self.range(face);
             let low = std::array::from_fn(|i| low[i].max(first[i]));
             let high = std::array::from_fn(|i| high[i].min(last[i]));
             self.visit(face, self.cell, [low, high], |key| {
-                entries.push((key, index));
+                entries.push((within_block(key) as u16, index));
             });
         }
         entries.sort_unstable();
-        let mut cells = FxHashMap::default();
-        let mut first = 0;
-        while first < entries.len() {
-            let key = entries[first].0;
-            let last = first + entries[first..].partition_point(|e| e.0 == key);
-            let cell = Cell {
-                first: first as u32,
-                last: last as u32,
+        let mut index = match faces.is_empty() {
+            true => Vec::new(),
+            false => vec![u16::MAX; ALL_CELLS],
+        };
+        let mut cells = Vec::new();
+        for same in entries.chunk_by(|a, b| a.0 == b.0) {
+            index[same[0].0 as usize] = cells.len() as u16;
+            let first = cells.last().map_or(0, |c: &Cell| c.last);
+            cells.push(Cell {
+                first,
+                last: first + same.len() as u32,
                 distances: OnceLock::new(),
                 met: OnceLock::new(),
                 nearest: OnceLock::new(),
-            };
-            cells.insert(key, cell);
-            first = last;
+            });
         }
+        let seeds = number_spaces(&mut index);
+        let space = |seed: usize| {
+            let local = [seed >> (2 * BLOCK), seed >> BLOCK, seed].map(|k| (k % EDGE) as i32);
+            EmptySpace {
+                middle: self.middle(std::array::from_fn(|i| first[i] + local[i])),
+                inside: OnceLock::new(),
+            }
+        };
         BlockCells {
+            index,
             cells,
             list: entries.iter().map(|e| e.1).collect(),
+            spaces: seeds.into_iter().map(space).collect(),
         }
+    }
+
+    /// A block's cells; none if they are not covered.
+    fn block_cells(&self, key: Key) -> Option<&BlockCells> {
+        let of = key.map(|k| k >> BLOCK);
+        let block = &self.blocks[self.block(of)?];
+        let faces = &self.block_faces[block.first as usize..block.last as usize];
+        Some((block.cells).get_or_init(|| Box::new(self.cells(of, faces))))
     }
 
     /// A cell with faces within reach.
     fn cell(&self, key: Key) -> Option<CellFaces<'_>> {
-        let of = key.map(|k| k >> BLOCK);
-        let block = self.blocks.get(&of)?;
-        let found = block.cells.get_or_init(|| self.cells(of, &block.faces));
-        let cell = found.cells.get(&key)?;
-        let faces = &found.list[cell.first as usize..cell.last as usize];
-        Some(CellFaces { cell, faces })
+        self.block_cells(key)?.cell(key).ok()
     }
 
+    /// The cell of a point. Points less than a cell before the first one count as in it: nothing is
+    /// within reach of them.
     fn key(&self, p: DVec3) -> Key {
-        let cell = ((p - self.origin) / self.cell).floor();
-        [cell.x as i32, cell.y as i32, cell.z as i32]
+        ((p - self.origin) / self.cell).as_ivec3().to_array()
     }
 
     /// The middle of a cell.
@@ -273,11 +329,12 @@ impl FaceGrid {
     fn part(&self, key: Key, p: DVec3) -> Part {
         let width = self.cell / PARTS as f64;
         let corner = self.middle(key) - 0.5 * self.cell;
-        let last = DVec3::splat((PARTS - 1) as f64);
-        let part = ((p - corner) / width).floor().clamp(DVec3::ZERO, last);
+        let last = IVec3::splat(PARTS as i32 - 1);
+        let part = ((p - corner) / width).as_ivec3().clamp(IVec3::ZERO, last);
+        let [x, y, z] = part.to_array().map(|k| k as usize);
         Part {
-            index: (part.x as usize * PARTS + part.y as usize) * PARTS + part.z as usize,
-            middle: corner + (part + 0.5) * width,
+            index: (x * PARTS + y) * PARTS + z,
+            middle: corner + (part.as_dvec3() + 0.5) * width,
         }
     }
 
@@ -350,7 +407,7 @@ impl FaceGrid {
     }
 
     /// The least and the largest signed distance that a point of a part may have, metres.
-    fn bounds(&self, cell: CellFaces<'_>, part: Part, p: DVec3) -> [f64; 2] {
+    fn distances(&self, cell: CellFaces<'_>, part: Part, p: DVec3) -> [f64; 2] {
         let (unit, units) = (UNIT * self.reach, self.units(cell, part));
         let room = p.distance(part.middle) + 0.5 * unit;
         let distance = f64::from(units) * unit;
@@ -368,11 +425,10 @@ impl FaceGrid {
         if let Some(distance) = self.signed_distance_near(p, faces) {
             return distance;
         }
-        let far = 128.0 * UNIT * self.reach;
-        let distance = self.bvh.nearest_within(p, far).map_or(far, |n| n.distance);
-        match self.find_inside(p) {
-            true => -distance,
-            false => distance,
+        let nearest = self.bvh.nearest(p);
+        match self.is_inside_from(p, nearest.point) {
+            true => -nearest.distance,
+            false => nearest.distance,
         }
     }
 
@@ -390,7 +446,7 @@ impl FaceGrid {
         let key = self.key(p);
         let cell = self.cell(key)?;
         let part = self.part(key, p);
-        let [low, high] = self.bounds(cell, part, p);
+        let [low, high] = self.distances(cell, part, p);
         if low > least || high < -least {
             return None;
         }
@@ -416,16 +472,19 @@ impl FaceGrid {
     /// Whether `p` lies inside the solid, farther than `depth` (metres) from its surface; the depth
     /// is at most the grid's reach.
     pub fn is_deeper(&self, p: DVec3, depth: f64) -> bool {
-        let from = p - self.origin;
-        if from.min_element() < 0.0 || (self.size - from).min_element() < 0.0 {
+        if !self.bounds.contains(p) {
             return false;
         }
         let key = self.key(p);
-        let Some(cell) = self.cell(key) else {
-            return self.is_inside(key, p);
+        let Some(cells) = self.block_cells(key) else {
+            return false;
+        };
+        let cell = match cells.cell(key) {
+            Ok(cell) => cell,
+            Err(space) => return *space.inside.get_or_init(|| self.find_inside(space.middle)),
         };
         let part = self.part(key, p);
-        let [low, high] = self.bounds(cell, part, p);
+        let [low, high] = self.distances(cell, part, p);
         if high < -depth || low > -depth {
             return high < -depth;
         }
@@ -459,30 +518,69 @@ impl FaceGrid {
         height.map(|above| least.copysign(above))
     }
 
-    /// Whether a point of a cell without faces within reach lies inside: as all of the cell does.
-    fn is_inside(&self, key: Key, p: DVec3) -> bool {
-        let mix = key[0].wrapping_mul(7) ^ key[1].wrapping_mul(13) ^ key[2].wrapping_mul(29);
-        let part = &self.inside[mix as usize % LOCKS];
-        let known = part.read().unwrap_or_else(PoisonError::into_inner);
-        if let Some(inside) = known.get(&key) {
-            return *inside;
-        }
-        drop(known);
-        let inside = self.find_inside(p);
-        let mut known = part.write().unwrap_or_else(PoisonError::into_inner);
-        if known.len() < REMEMBERED / LOCKS {
-            known.insert(key, inside);
-        }
-        inside
+    /// Whether a point lies inside.
+    fn find_inside(&self, p: DVec3) -> bool {
+        self.is_inside_from(p, self.bvh.nearest(p).point)
     }
 
-    /// Whether a point lies inside: as all points between it and the nearest one of the surface do.
-    fn find_inside(&self, p: DVec3) -> bool {
-        let nearest = self.bvh.nearest(p);
-        let away = (p - nearest.point).clamp_length_max(0.5 * self.reach);
-        let q = nearest.point + away;
+    /// The same where the nearest point of the surface is known: as all points between them do.
+    fn is_inside_from(&self, p: DVec3, nearest: DVec3) -> bool {
+        let q = nearest + (p - nearest).clamp_length_max(0.5 * self.reach);
         let faces = self.cell(self.key(q)).map(|cell| cell.faces);
         (self.signed_distance_near(q, faces.unwrap_or_default())).is_some_and(|d| d < 0.0)
+    }
+}
+
+impl BlockCells {
+    /// A cell with faces within reach, or the space that it belongs to.
+    fn cell(&self, key: Key) -> Result<CellFaces<'_>, &EmptySpace> {
+        let at = self.index.get(within_block(key)).copied().unwrap_or(EMPTY);
+        if at & EMPTY != 0 {
+            return Err(&self.spaces[usize::from(at & !EMPTY)]);
+        }
+        let cell = &self.cells[usize::from(at)];
+        let faces = &self.list[cell.first as usize..cell.last as usize];
+        Ok(CellFaces { cell, faces })
+    }
+}
+
+/// The number of a cell in its block.
+fn within_block(key: Key) -> usize {
+    let [x, y, z] = key.map(|k| k as usize % EDGE);
+    (x * EDGE + y) * EDGE + z
+}
+
+/// Numbers the spaces of a block's index that share no side, and returns one cell of each.
+fn number_spaces(index: &mut [u16]) -> Vec<usize> {
+    let mut seeds = Vec::new();
+    let mut open = Vec::new();
+    for seed in 0..index.len() {
+        if index[seed] != u16::MAX {
+            continue;
+        }
+        let space = EMPTY + seeds.len() as u16;
+        seeds.push(seed);
+        index[seed] = space;
+        open.push(seed);
+        while let Some(at) = open.pop() {
+            for step in [1, EDGE, EDGE * EDGE] {
+                let along = at / step % EDGE;
+                let next = [
+                    (along > 0, at.wrapping_sub(step)),
+                    (along + 1 < EDGE, at + step),
+                ];
+                for (_, next) in next.into_iter().filter(|(there, _)| *there) {
+                    if index[next] == u16::MAX {
+                        index[next] = space;
+                        open.push(next);
+                    }
+                }
+            }
+        }
+    }
+    match index.is_empty() {
+        true => vec![0],
+        false => seeds,
     }
 }
 

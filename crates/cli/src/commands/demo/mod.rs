@@ -16,6 +16,7 @@ use pegfit_pictures::{Plot, PlotSheet, Slice};
 use pegfit_scene::{Assembly, Scene, SceneSetup, example_text};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
+use rayon::prelude::*;
 use sdf_grid::shapes::PegInHole;
 use sdf_grid::{atomic, mesh_io};
 
@@ -127,8 +128,9 @@ fn run_example(
     let run = |script, clock, seconds| {
         haptic_session::run_simulated(&assembly, &fast, script, seconds, clock)
     };
-    let collision = run(Script::Collision, Clock::Simulated, TEST_SECONDS)?;
-    let snap = run(Script::Snap, Clock::Simulated, TEST_SECONDS)?;
+    let test = |script| run(script, Clock::Simulated, TEST_SECONDS);
+    let (collision, snap) = rayon::join(|| test(Script::Collision), || test(Script::Snap));
+    let (collision, snap) = (collision?, snap?);
     let test_seconds = began.elapsed().as_secs_f64();
     let real_time = match shape {
         PegInHole::Rectangular => {
@@ -321,7 +323,7 @@ fn write_pictures(
             path,
         })
     };
-    figures.iter().map(write).collect()
+    figures.par_iter().map(write).collect()
 }
 
 /// Displacements compared.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use pegfit_pictures::{Plot, PlotSheet, number};
+use rayon::prelude::*;
 use sdf_grid::atomic;
 
 use crate::commands::demo::summary::{Example, Summary};
@@ -153,7 +154,7 @@ pub(super) fn figures(figures: Vec<Figure>) -> Result<Vec<(&'static str, String)
         };
         Ok((figure.kind, image("wide", wide) + &image("narrow", narrow)))
     };
-    figures.into_iter().map(html).collect()
+    figures.into_par_iter().map(html).collect()
 }
 
 /// Plots on the page have short titles and no notes: captions say the rest.

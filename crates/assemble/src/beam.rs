@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use sdf_grid::{InterferenceQuery, Monitor};
 
 use crate::families::turned;
+use crate::journal::Journal;
 use crate::pairs::{PairPlaces, Quiet};
 use crate::places::{Extension, HELD, Held, Known};
 use crate::same::are_same;
@@ -50,6 +51,7 @@ pub(crate) struct Beam<'a> {
     pub(crate) pairs: &'a [PairPlaces],
     pub(crate) width: usize,
     pub(crate) clearance: Option<f64>,
+    pub(crate) journal: &'a Journal,
 }
 
 impl Beam<'_> {
@@ -92,7 +94,8 @@ impl Beam<'_> {
             let mut grown: Vec<Subassembly> = Vec::new();
             let mut ended: Vec<Subassembly> = Vec::new();
             for state in open {
-                let children = self.grown(&state, |s| self.extensions(&state, s, monitor));
+                let near = |s| self.extensions(&state, s, monitor);
+                let children = self.grown(&state, "near", near, monitor);
                 match children.is_empty() {
                     true => ended.push(state),
                     false => grown.extend(children),
@@ -102,7 +105,7 @@ impl Beam<'_> {
             for state in ended.iter().take(ANYWHERE) {
                 if grown.is_empty() {
                     let anywhere = |s| self.extensions_anywhere(state, s, monitor);
-                    grown = self.grown(state, anywhere);
+                    grown = self.grown(state, "anywhere", anywhere, monitor);
                 }
             }
             done.extend(ended);
@@ -280,11 +283,19 @@ impl Beam<'_> {
     fn grown(
         &self,
         state: &Subassembly,
+        reach: &str,
         extensions: impl Fn(usize) -> Vec<Extension> + Sync,
+        monitor: &dyn Monitor,
     ) -> Vec<Subassembly> {
         let missing = |s: usize| state.count(s) < self.shapes[s].parts.len();
-        let of = |s: usize| missing(s).then(|| extensions(s));
+        let key = state.key();
+        let recall = |s: usize| {
+            let question = (reach, &key, s);
+            (self.journal).recall(&question, monitor, || extensions(s))
+        };
+        let of = |s: usize| missing(s).then(|| recall(s));
         let known = Arc::new(Known {
+            key: key.clone(),
             placed: state.placed.len(),
             extensions: (0..self.shapes.len()).into_par_iter().map(of).collect(),
         });

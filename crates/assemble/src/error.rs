@@ -1,5 +1,7 @@
 //! Errors of assembly searches.
 
+use std::path::PathBuf;
+
 /// Why a search for assemblies cannot begin, or did not end.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum AssemblyError {
@@ -49,6 +51,16 @@ pub enum AssemblyError {
          allow a wider mating clearance"
     )]
     NothingFits,
+    /// What an earlier search found cannot be used, or what this one finds cannot be kept.
+    #[error("{}: expected {expected}, found {found}", file.display())]
+    Journal {
+        /// The file.
+        file: PathBuf,
+        /// What it should hold.
+        expected: String,
+        /// What it holds, or why it cannot be used.
+        found: String,
+    },
     /// The monitor asked to stop.
     #[error("cancelled")]
     Cancelled,

@@ -232,6 +232,7 @@ mod tests {
     use sdf_grid::{Silent, TriangleMesh};
 
     use super::*;
+    use crate::journal::Journal;
     use crate::pairs::PairPlaces;
     use crate::places::Known;
     use crate::request::LoosePart;
@@ -258,6 +259,7 @@ mod tests {
             pairs: &pairs,
             width: 4,
             clearance: None,
+            journal: &Journal::default(),
         };
         let placed = |shape: usize| Placed {
             shape,
@@ -274,6 +276,7 @@ mod tests {
         assert!(!before.is_empty());
         let with_known = Subassembly {
             known: Some(Arc::new(Known {
+                key: String::new(),
                 placed: 1,
                 extensions: vec![None, None, Some(before)],
             })),

@@ -30,6 +30,7 @@ mod error;
 mod explode;
 mod extensions;
 mod families;
+mod journal;
 mod pairs;
 mod places;
 mod report;

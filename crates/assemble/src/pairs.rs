@@ -5,6 +5,7 @@ use std::time::Instant;
 use fft_correlate::Pose;
 use fft_correlate::mating::{HeldPose, Joint, JointKind, MatingSearch, MatingSearchOptions};
 use sdf_grid::Monitor;
+use serde::{Deserialize, Serialize};
 
 use crate::families::{carries, distinct, moved_joint};
 use crate::seeds::Seed;
@@ -27,7 +28,7 @@ impl Monitor for Quiet<'_> {
 }
 
 /// Where one shape belongs on another.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct PairPlaces {
     /// The larger shape.
     pub(crate) fixed: usize,
@@ -40,7 +41,7 @@ pub(crate) struct PairPlaces {
 }
 
 /// A place of the smaller shape.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct PairPlace {
     /// Pose of the smaller shape in the larger one's frame.
     pub(crate) pose: Pose,
@@ -48,7 +49,7 @@ pub(crate) struct PairPlace {
     pub(crate) rank: f64,
     /// Share of its surface that mates.
     pub(crate) share: f64,
-    /// The joint that contact leaves there, larger shape's frame.
+    /// The joint that contact leaves there, larger shape's frame, without travel.
     pub(crate) joint: Joint,
 }
 
@@ -87,7 +88,11 @@ impl PairPlaces {
         for held in kept {
             let poses = [held.pose].into_iter().chain(held.alike.iter().copied());
             let place = |pose: Pose| {
-                let joint = moved_joint(&held.joint, &(pose * held.pose.inverse()));
+                let joint = Joint {
+                    slide: None,
+                    turn: None,
+                    ..moved_joint(&held.joint, &(pose * held.pose.inverse()))
+                };
                 (pose, joint)
             };
             let mut alike: Vec<(Pose, Joint)> = poses.map(place).collect();

@@ -2,6 +2,7 @@
 
 use fft_correlate::Pose;
 use fft_correlate::mating::Joint;
+use serde::{Deserialize, Serialize};
 
 /// A part is held that is held so well, nats.
 pub(crate) const HELD: f64 = 5.0;
@@ -12,7 +13,7 @@ const ALIKE: f64 = 1.5;
 const ALIKE_SHARE: f64 = 1.15;
 
 /// How contact holds a part.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 pub(crate) struct Held {
     /// How well, nats.
     pub(crate) rank: f64,
@@ -32,7 +33,7 @@ impl Held {
 }
 
 /// Where parts of one shape can be added, alike.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Extension {
     pub(crate) shape: usize,
     /// Poses and joints, assembly frame.
@@ -43,6 +44,8 @@ pub(crate) struct Extension {
 /// What could be added to a subassembly when it had fewer parts.
 #[derive(Debug)]
 pub(crate) struct Known {
+    /// The key of that subassembly.
+    pub(crate) key: String,
     /// The parts it had.
     pub(crate) placed: usize,
     /// What could be added of every shape, the best first; none of those that were not asked for.

@@ -1,5 +1,6 @@
 //! The search as a whole: shapes, pairs, the beam, and what comes apart.
 
+use std::path::Path;
 use std::time::Instant;
 
 use fft_correlate::mating::Joint;
@@ -7,6 +8,7 @@ use sdf_grid::Monitor;
 
 use crate::beam::Beam;
 use crate::error::AssemblyError;
+use crate::journal::Journal;
 use crate::pairs::PairPlaces;
 use crate::places::Held;
 use crate::report::Reporter;
@@ -22,6 +24,7 @@ use crate::subassembly::{Placed, Subassembly};
 pub struct AssemblySearch {
     parts: Vec<LoosePart>,
     request: AssemblyRequest,
+    journal: Journal,
 }
 
 impl AssemblySearch {
@@ -31,7 +34,23 @@ impl AssemblySearch {
     /// If there are fewer than two parts or too many, or an option is out of range.
     pub fn new(parts: Vec<LoosePart>, request: AssemblyRequest) -> Result<Self, AssemblyError> {
         request.validate(&parts)?;
-        Ok(Self { parts, request })
+        let journal = Journal::default();
+        Ok(Self {
+            parts,
+            request,
+            journal,
+        })
+    }
+
+    /// Keeps what the search finds in a file, and goes on from what is there: of a search of the same
+    /// parts that was stopped, or had a narrower beam.
+    ///
+    /// # Errors
+    /// If the file is of other parts or another mating clearance, was changed, or cannot be read or
+    /// written.
+    pub fn resume(mut self, file: &Path) -> Result<Self, AssemblyError> {
+        self.journal = Journal::open(file, &self.parts, self.request.mating_clearance)?;
+        Ok(self)
     }
 
     /// Searches. When the monitor cancels after parts have been put together, what there is is
@@ -52,6 +71,7 @@ impl AssemblySearch {
             pairs: &pairs,
             width: self.request.beam,
             clearance: self.request.mating_clearance,
+            journal: &self.journal,
         };
         let mut found = beam.run(self.start(&shapes), monitor);
         found.retain(|s| s.placed.len() > 1);
@@ -105,7 +125,8 @@ impl AssemblySearch {
         monitor.begin("docking pairs", wanted.len() as u64);
         let clearance = self.request.mating_clearance;
         let dock = |pair: &[usize; 2]| {
-            let found = PairPlaces::find(shapes, *pair, clearance, monitor);
+            let find = || PairPlaces::find(shapes, *pair, clearance, monitor);
+            let found = self.journal.recall(&("pair", pair), monitor, find);
             tracing::debug!(
                 ?pair,
                 places = found.places.len(),

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use sdf_grid::TriangleMesh;
 
 use crate::families::turned;
+use crate::journal;
 use crate::places::{Extension, Held, Known};
 use crate::shape::Shape;
 
@@ -52,6 +53,13 @@ pub(crate) struct Subassembly {
 }
 
 impl Subassembly {
+    /// A key of what can be added to it: of its parts and of what is known from when it had fewer.
+    pub(crate) fn key(&self) -> String {
+        let known = self.known.as_ref().map(|known| &known.key);
+        let placed = |p: &Placed| (p.shape, p.member, p.pose);
+        journal::key(&(known, self.placed.iter().map(placed).collect::<Vec<_>>()))
+    }
+
     /// Parts of a shape that are placed.
     pub(crate) fn count(&self, shape: usize) -> usize {
         self.placed.iter().filter(|p| p.shape == shape).count()

@@ -1,5 +1,6 @@
 //! Assemblies of loose parts.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -29,6 +30,9 @@ impl From<AssemblyError> for Failure {
                 expected,
                 found,
             } => said.about(name, expected, found),
+            AssemblyError::Journal {
+                expected, found, ..
+            } => said.about("resume", expected, found),
             _ => said,
         }
     }
@@ -42,12 +46,13 @@ type Search = (Option<f64>, usize, usize, f64);
 
 /// The assemblies of some parts by name: the report of `pegfit assemble`, as JSON.
 #[pyfunction]
-#[pyo3(signature = (parts, known, search, progress))]
+#[pyo3(signature = (parts, known, search, resume, progress))]
 pub(crate) fn assemble(
     py: Python<'_>,
     parts: Vec<(String, Py<Mesh>)>,
     known: Known,
     search: Search,
+    resume: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let (mating_clearance, beam, top, seconds) = search;
@@ -75,7 +80,11 @@ pub(crate) fn assemble(
     });
     let loose: Vec<LoosePart> = loose.collect();
     run(py, progress.as_ref(), move |watch| {
-        let result = AssemblySearch::new(loose, request)?.run(watch)?;
+        let mut search = AssemblySearch::new(loose, request)?;
+        if let Some(file) = resume {
+            search = search.resume(&file)?;
+        }
+        let result = search.run(watch)?;
         let report = AssemblyReport { result, names };
         report
             .json()

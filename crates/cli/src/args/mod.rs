@@ -708,6 +708,10 @@ pub(crate) struct AssembleArgs {
     /// Subassemblies of the same parts that are kept at a time
     #[arg(long, default_value_t = 4, value_name = "N")]
     pub(crate) beam: usize,
+    /// Keep what is found in FILE, and go on from what a search of the same parts found that was
+    /// stopped or had a narrower beam
+    #[arg(long, value_name = "FILE")]
+    pub(crate) resume: Option<PathBuf>,
     /// Assemblies to report
     #[arg(long, default_value_t = 3, value_name = "N")]
     pub(crate) top: usize,

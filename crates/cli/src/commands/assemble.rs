@@ -45,7 +45,10 @@ pub(super) fn run(args: &AssembleArgs, context: &Context) -> Result<(), CommandE
     let (parts, unit) = read_parts(args, &files)?;
     let names: Vec<String> = parts.iter().map(|p| p.name.clone()).collect();
     let request = request(args, &names)?;
-    let search = AssemblySearch::new(parts.clone(), request)?;
+    let mut search = AssemblySearch::new(parts.clone(), request)?;
+    if let Some(file) = &args.resume {
+        search = search.resume(file)?;
+    }
     let found = search.run(&context.progress);
     context.progress.finish();
     let found = found?;
@@ -71,10 +74,15 @@ pub(super) fn run(args: &AssembleArgs, context: &Context) -> Result<(), CommandE
         print(&report.result, &report.names, &args.output);
     })?;
     match interrupted() {
-        true => Err(CommandError::stopped(format!(
-            "what was put together so far is in {}",
-            args.output.display()
-        ))),
+        true => {
+            let scene = args.output.display();
+            let again = match &args.resume {
+                Some(file) => format!("; the same command goes on from {}", file.display()),
+                None => String::new(),
+            };
+            let kept = format!("what was put together so far is in {scene}{again}");
+            Err(CommandError::stopped(kept))
+        }
         false => Ok(()),
     }
 }

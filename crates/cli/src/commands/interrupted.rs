@@ -40,7 +40,10 @@ pub(crate) fn interrupted(command: &Command, words: &[OsString]) -> CommandError
         Command::Disassemble(args) if args.resume.is_some() => {
             searched(args.resume.as_deref(), again(None))
         }
-        Command::Path(_) | Command::Disassemble(_) => (
+        Command::Assemble(args) if args.resume.is_some() => {
+            searched(args.resume.as_deref(), again(None))
+        }
+        Command::Path(_) | Command::Disassemble(_) | Command::Assemble(_) => (
             "nothing is kept; with --resume FILE it would be".to_owned(),
             None,
         ),

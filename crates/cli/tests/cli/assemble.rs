@@ -42,6 +42,32 @@ fn loose_parts_become_a_scene() {
     assert_eq!(apart["apart"], true, "{said}");
 }
 
+/// The places that one search found are those of the next one, which does not search again; a wider
+/// beam goes on from them, other parts do not.
+#[test]
+fn what_was_found_is_kept_for_the_next_search() {
+    let folder = loose_folder();
+    let root = folder.path();
+    let line = "assemble parts --unit m --seconds 0 --resume found.journal --json -q";
+    let run = || {
+        let began = std::time::Instant::now();
+        let found: serde_json::Value = serde_json::from_str(&succeed(root, &words(line))).unwrap();
+        (found["assemblies"].clone(), began.elapsed())
+    };
+    let (first, slow) = run();
+    let journal = std::fs::read(root.join("found.journal")).unwrap();
+    let (again, fast) = run();
+    assert_eq!(first, again);
+    assert!(2 * fast < slow, "{fast:?} {slow:?}");
+    assert_eq!(std::fs::read(root.join("found.journal")).unwrap(), journal);
+    succeed(root, &words(&format!("{line} --beam 6")));
+    let said = refuse(root, &words(&format!("{line} --mating-clearance 0.001")));
+    assert!(
+        said.contains("found.journal") && said.contains("same parts"),
+        "{said}"
+    );
+}
+
 #[test]
 fn what_cannot_be_assembled_is_refused() {
     let folder = loose_folder();

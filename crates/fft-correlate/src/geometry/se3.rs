@@ -3,6 +3,7 @@
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
 
 /// A rigid motion `p -> rotation * p + translation` from the moving part's frame to the fixed
 /// part's frame.
@@ -20,7 +21,7 @@ use glam::{DQuat, DVec3};
 /// let back = pose.inverse() * pose;
 /// assert!(back.translation.length() < 1e-12);
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
     /// Unit quaternion, stored and printed `x, y, z, w`.
     pub rotation: DQuat,

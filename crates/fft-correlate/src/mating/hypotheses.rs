@@ -24,6 +24,9 @@ const GROUPS: usize = 6;
 /// Places of one rotation, at most.
 const PLACES: usize = 12_000;
 
+/// Directions span space if the volume between them is at least this.
+const LEAST_SPAN: f64 = 0.3;
+
 /// Planes that become flush count less than planes that mate.
 const FLUSH: f64 = 0.3;
 
@@ -156,7 +159,7 @@ impl<'a> Hypotheses<'a> {
             for (j, b) in groups.iter().enumerate().skip(i + 1) {
                 for c in groups.iter().skip(j + 1) {
                     let rows = DMat3::from_cols(a.normal, b.normal, c.normal).transpose();
-                    if rows.determinant().abs() < 0.3 {
+                    if rows.determinant().abs() < LEAST_SPAN {
                         continue;
                     }
                     let inverse = rows.inverse();
@@ -196,6 +199,12 @@ impl<'a> Hypotheses<'a> {
                 }
             }
         }
+        // Where nothing stops a part along a groove, its sides lie middle on middle.
+        if let Some(along) = common_perpendicular(&groups) {
+            let offsets = self.middle_offsets(rotation, along);
+            let normal = along;
+            groups.push(OffsetGroup { normal, offsets });
+        }
         // Planes that touch pins.
         let [fixed_axes, moving_axes] = self.parts.map(|p| &p.axes);
         for f in fixed {
@@ -223,6 +232,26 @@ impl<'a> Hypotheses<'a> {
             );
         }
         groups
+    }
+
+    /// Offsets along a direction at which the middles of planes that mate meet, and their weights.
+    fn middle_offsets(&self, rotation: DQuat, along: DVec3) -> Vec<(f64, f64)> {
+        let [fixed, moving] = &self.directions;
+        let opposite = |f: &Direction<'_>, m: &Direction<'_>| {
+            (rotation * m.normal).dot(f.normal) < -PARALLEL_COSINE
+        };
+        let pairs = fixed
+            .iter()
+            .flat_map(|f| moving.iter().map(move |m| (f, m)))
+            .filter(|(f, m)| opposite(f, m));
+        let planes = pairs.flat_map(|(f, m)| {
+            (f.planes.iter()).flat_map(move |a| m.planes.iter().map(move |b| (*a, *b)))
+        });
+        let offset = |(a, b): (&Plane, &Plane)| {
+            let apart = a.middle - rotation * b.middle;
+            (apart.dot(along), a.area.min(b.area).sqrt())
+        };
+        planes.map(offset).collect()
     }
 
     /// Pins in holes: for every pair of axes and both senses, all spins and places along the axis.
@@ -458,6 +487,20 @@ fn add_offset(groups: &mut Vec<OffsetGroup>, normal: DVec3, offset: f64, weight:
         }),
         None => {}
     }
+}
+
+/// The direction that is normal to those of all groups, if there are two or more and they leave one.
+fn common_perpendicular(groups: &[OffsetGroup]) -> Option<DVec3> {
+    let first = groups.first()?.normal;
+    let across = groups.iter().map(|g| first.cross(g.normal));
+    let along = across.max_by(|a, b| a.length().total_cmp(&b.length()))?;
+    let normal = along
+        .try_normalize()
+        .filter(|_| along.length() > LEAST_SPAN)?;
+    let all = groups
+        .iter()
+        .all(|g| g.normal.dot(normal).abs() < LEAST_SPAN);
+    all.then_some(normal)
 }
 
 /// Planes with normal `n` that touch cylinders: offsets and areas.

@@ -4,6 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 use sdf_grid::{Matrix6, Vector6};
+use serde::{Deserialize, Serialize};
 
 use super::contact::MatingContact;
 use crate::geometry::se3::Pose;
@@ -53,7 +54,7 @@ const LOST: f64 = 0.1;
 const BLOCKED: f64 = 0.004;
 
 /// Which motions contact leaves free.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum JointKind {
     /// None.
     #[default]
@@ -123,7 +124,7 @@ impl JointKind {
 }
 
 /// How far a free motion goes from the pose, both ways.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Travel {
     /// Least and greatest value: metres, or radians of a turn.
     pub range: [f64; 2],
@@ -132,7 +133,7 @@ pub struct Travel {
 }
 
 /// The joint of two parts at a pose.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Joint {
     /// Which motions are free.
     pub kind: JointKind,

@@ -283,6 +283,50 @@ fn a_part_that_may_turn_is_shown_as_it_lies_or_with_planes_parallel() {
     assert!(off < 0.02, "{off}");
 }
 
+/// A key with round ends in a groove that is open at both ends: nothing says where along it.
+#[test]
+fn a_round_ended_key_is_found_in_an_open_groove() {
+    let section = [
+        [-12.0, -8.0],
+        [12.0, -8.0],
+        [12.0, 6.0],
+        [4.05, 6.0],
+        [4.05, 0.0],
+        [-4.05, 0.0],
+        [-4.05, 6.0],
+        [-12.0, 6.0],
+    ];
+    let section = section.map(|p| 1e-3 * DVec2::from_array(p));
+    let groove = prism(&section, &[], 0.06).unwrap();
+    // Ends of eight facets, and flanks of 10 mm.
+    let end = |k: usize| 4e-3 * DVec2::from_angle(PI * k as f64 / 8.0);
+    let flank = DVec2::new(0.0, 5e-3);
+    let outline = (0..=8)
+        .map(|k| end(k) + flank)
+        .chain((0..=8).map(|k| -end(k) - flank));
+    let key = prism(&outline.collect::<Vec<_>>(), &[], 0.007).unwrap();
+    // Its flat side on the bottom of the groove, wherever along it.
+    let home = |pose: &Pose| {
+        let up = pose.rotation * DVec3::Z;
+        let along = pose.rotation * DVec3::Y;
+        let place = pose.translation - 3.5e-3 * DVec3::Y;
+        up.y.abs() > 0.999
+            && along.z.abs() > 0.999
+            && place.x.abs() < 1e-4
+            && place.y.abs() < 1e-4
+            && place.z.abs() < 0.025
+    };
+    for turn in [DVec3::ZERO, DVec3::new(0.7, -0.2, 1.9)] {
+        let turn = Pose::new(DQuat::from_scaled_axis(turn), 0.1 * turn);
+        let [fixed, moving] = [(&groove, turn), (&key, turn.inverse())]
+            .map(|(mesh, pose)| mesh.transformed(pose.rotation, pose.translation));
+        let found = search(&fixed, &moving, None);
+        let best = turn.inverse() * found[0].pose * turn.inverse();
+        assert!(home(&best), "{best:?} {:?}", found[0].hold);
+        assert_eq!(found[0].joint.kind, JointKind::Prismatic);
+    }
+}
+
 #[test]
 fn a_part_ends_in_the_middle_of_its_play() {
     let (hole, peg) = PegInHole::Rectangular.pair(4e-4).unwrap();

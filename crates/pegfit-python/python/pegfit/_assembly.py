@@ -154,6 +154,7 @@ def assemble(
     beam: int = 4,
     top: int = 3,
     seconds: float = 10.0,
+    resume: Optional[Union[str, PathLike[str]]] = None,
     progress: Progress = None,
 ) -> Assembly:
     """Puts loose parts together, by their shapes alone: which part belongs to which, where, and in
@@ -171,6 +172,8 @@ def assemble(
         top: Assemblies to return, at most: the best one and its `alternatives`.
         seconds: Time for one try to take a part or group off; 0 does not take assemblies apart, and
             then no order is known.
+        resume: A file that keeps what is found. A search of the same parts that was stopped, or had
+            a narrower beam, goes on from there.
         progress: `True` for a bar, or a function of the units done and their number.
 
     Returns:
@@ -179,7 +182,8 @@ def assemble(
     Raises:
         MeshError: A part cannot be used.
         SceneError: There are fewer than two parts or too many, a name is no part's, a number is out
-            of range, or contact holds no part in any other.
+            of range, `resume` is of other parts or was changed, or contact holds no part in any
+            other.
         KeyboardInterrupt: Within 50 ms of Ctrl-C.
 
     >>> from pegfit import peg_in_hole
@@ -213,8 +217,9 @@ def assemble(
         seconds,
     )
     cores = [(name, mesh._core) for name, mesh in meshes.items()]
+    path = None if resume is None else fspath(resume)
     with Reporting(progress) as report:
-        summary = json.loads(_core.assemble(cores, (fixed, placed), search, report))
+        summary = json.loads(_core.assemble(cores, (fixed, placed), search, path, report))
     best, *others = summary["assemblies"]
     certain = summary["certain"]
     alternatives = [_assembly(told, False) for told in others]

@@ -141,6 +141,7 @@ def assemble(
     parts: list[tuple[str, Mesh]],
     known: tuple[Optional[int], list[tuple[int, list[float]]]],
     search: tuple[Optional[float], int, int, float],
+    resume: Optional[str],
     progress: _Progress,
 ) -> str: ...
 def correlate(

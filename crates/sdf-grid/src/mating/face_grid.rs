@@ -210,7 +210,7 @@ impl FaceGrid {
     fn block(&self, key: Key) -> Option<usize> {
         let [x, y, z] = key.map(|k| k as usize);
         let [wide, deep, high] = self.shape;
-        (x < wide && y < deep && z < high).then_some((x * deep + y) * high + z)
+        (x < wide && y < deep && z < high).then(|| (x * deep + y) * high + z)
     }
 
     /// First and last cells of the box around a face, widened by the reach.

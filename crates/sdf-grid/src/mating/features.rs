@@ -435,25 +435,41 @@ impl<'a> Surface<'a> {
             .sum::<DVec3>()
             / area;
         let radius = mean(&|f| middle(f).distance_squared(centre)).sqrt();
-        // Normals at the corners, means of the patch's faces around them: facets become round.
-        let mut at_corner: HashMap<u32, DVec3> = HashMap::new();
+        // Normals at the corners, means of the patch's faces around them: facets become round. Where
+        // an arc ends, one facet alone says nothing.
+        let mut at_corner: HashMap<u32, (DVec3, Option<DVec3>)> = HashMap::new();
         for &f in faces {
             for k in 0..3 {
                 let [p, q, r] = [0, 1, 2].map(|j| self.corners[f][(k + j) % 3]);
                 let angle = (q - p).angle_between(r - p);
-                *at_corner.entry(self.mesh.triangles()[f][k]).or_default() +=
-                    angle * self.normals[f];
+                let corner = (at_corner.entry(self.mesh.triangles()[f][k]))
+                    .or_insert((DVec3::ZERO, Some(self.normals[f])));
+                corner.0 += angle * self.normals[f];
+                (corner.1).take_if(|first| first.dot(self.normals[f]) < FLAT_COSINE);
             }
         }
-        let mut resistance = Matrix6::default();
+        let (mut resistance, mut samples) = (Matrix6::default(), 0.0);
         for &f in faces {
             for k in 0..3 {
-                let n = at_corner[&self.mesh.triangles()[f][k]].normalize_or_zero();
+                let (n, only_facet) = at_corner[&self.mesh.triangles()[f][k]];
+                if only_facet.is_some() {
+                    continue;
+                }
+                let n = n.normalize_or_zero();
                 let t = (self.corners[f][k] - centre).cross(n) / radius;
                 let row = [n.x, n.y, n.z, t.x, t.y, t.z];
-                resistance.add_outer(self.areas[f] / (3.0 * area), &row);
+                resistance.add_outer(self.areas[f], &row);
+                samples += self.areas[f];
             }
         }
+        if samples == 0.0 {
+            return None;
+        }
+        resistance
+            .0
+            .iter_mut()
+            .flatten()
+            .for_each(|v| *v /= samples);
         // One motion: a turn or a screw. Two: a slide and a turn. More: a plane or a ball.
         let (values, motions) = resistance.eigen();
         let free = values.iter().filter(|v| **v < SLIDES).count();
@@ -637,7 +653,7 @@ mod tests {
     use pegfit_fixtures::{Profile, profiled};
 
     use super::*;
-    use crate::mesh::shapes::{PegInHole, construction};
+    use crate::mesh::shapes::{PegInHole, construction, prism};
 
     fn circle(radius: f64, count: usize) -> Vec<glam::DVec2> {
         let angle = |i: usize| std::f64::consts::TAU * i as f64 / count as f64;
@@ -688,6 +704,33 @@ mod tests {
             assert!(lengths.into_iter().all(|l| (l - 0.01).abs() < 1e-9));
             let wall = features.wall_thickness(mesh.area(), 0.02);
             assert!((wall - 0.002).abs() < 1e-4, "{wall}");
+        }
+    }
+
+    /// Half a circle of eight facets goes over into flanks at both ends.
+    #[test]
+    fn round_ends_of_a_slot_have_their_axes_however_deep_it_is() {
+        let end = |k: usize| 3e-3 * glam::DVec2::from_angle(std::f64::consts::PI * k as f64 / 8.0);
+        let flank = glam::DVec2::new(0.0, 4e-3);
+        let slot = (0..=8)
+            .map(|k| end(k) + flank)
+            .chain((0..=8).map(|k| -end(k) - flank));
+        let slot: Vec<glam::DVec2> = slot.collect();
+        let square = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        let square = square.map(|p| 0.012 * glam::DVec2::from_array(p));
+        for depth in [1e-3, 2.3e-3, 5e-3, 2e-2] {
+            let block = prism(&square, std::slice::from_ref(&slot), depth).unwrap();
+            let mut axes = SurfaceFeatures::new(&block).axes;
+            axes.sort_by(|a, b| a.point.y.total_cmp(&b.point.y));
+            let places = axes.iter().map(|a| 1e3 * a.point.truncate());
+            let off = places
+                .zip([-4.0, 4.0])
+                .map(|(p, y)| p.distance(glam::DVec2::new(0.0, y)));
+            assert!(
+                axes.len() == 2 && off.fold(0.0, f64::max) < 0.05,
+                "{depth}: {axes:?}"
+            );
+            assert!(axes.iter().all(|a| !a.patches[0].convex));
         }
     }
 

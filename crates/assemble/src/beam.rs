@@ -244,8 +244,8 @@ impl Beam<'_> {
             if at == kept.len() {
                 kept.push((of, Vec::new()));
             }
-            // Of the parts that promise most several, of others the best and what is as good.
-            let most = (width >> at).max(1);
+            // Of the parts that promise most several, of others two and what is as good.
+            let most = (width >> at).max(2);
             let same = &mut kept[at].1;
             let ties = |first: &Subassembly| state.score > first.score - TIE;
             let open = same.len() < most || same.len() < width && same.first().is_some_and(ties);

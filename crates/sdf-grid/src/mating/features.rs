@@ -435,41 +435,7 @@ impl<'a> Surface<'a> {
             .sum::<DVec3>()
             / area;
         let radius = mean(&|f| middle(f).distance_squared(centre)).sqrt();
-        // Normals at the corners, means of the patch's faces around them: facets become round. Where
-        // an arc ends, one facet alone says nothing.
-        let mut at_corner: HashMap<u32, (DVec3, Option<DVec3>)> = HashMap::new();
-        for &f in faces {
-            for k in 0..3 {
-                let [p, q, r] = [0, 1, 2].map(|j| self.corners[f][(k + j) % 3]);
-                let angle = (q - p).angle_between(r - p);
-                let corner = (at_corner.entry(self.mesh.triangles()[f][k]))
-                    .or_insert((DVec3::ZERO, Some(self.normals[f])));
-                corner.0 += angle * self.normals[f];
-                (corner.1).take_if(|first| first.dot(self.normals[f]) < FLAT_COSINE);
-            }
-        }
-        let (mut resistance, mut samples) = (Matrix6::default(), 0.0);
-        for &f in faces {
-            for k in 0..3 {
-                let (n, only_facet) = at_corner[&self.mesh.triangles()[f][k]];
-                if only_facet.is_some() {
-                    continue;
-                }
-                let n = n.normalize_or_zero();
-                let t = (self.corners[f][k] - centre).cross(n) / radius;
-                let row = [n.x, n.y, n.z, t.x, t.y, t.z];
-                resistance.add_outer(self.areas[f], &row);
-                samples += self.areas[f];
-            }
-        }
-        if samples == 0.0 {
-            return None;
-        }
-        resistance
-            .0
-            .iter_mut()
-            .flatten()
-            .for_each(|v| *v /= samples);
+        let resistance = self.resistance(faces, centre, radius);
         // One motion: a turn or a screw. Two: a slide and a turn. More: a plane or a ball.
         let (values, motions) = resistance.eigen();
         let free = values.iter().filter(|v| **v < SLIDES).count();
@@ -536,6 +502,43 @@ impl<'a> Surface<'a> {
             },
             patch,
         ))
+    }
+
+    /// What a patch resists: the mean over its corners of the outer products of the motions that move
+    /// them along their normals, about a centre, turns times a radius.
+    fn resistance(&self, faces: &[usize], centre: DVec3, radius: f64) -> Matrix6 {
+        // Normals at the corners, means of the patch's faces around them: facets become round. Where
+        // an arc ends, one facet alone would lean; only of a smooth patch all corners count.
+        let mut at_corner: HashMap<u32, (DVec3, Option<DVec3>)> = HashMap::new();
+        for &f in faces {
+            for k in 0..3 {
+                let [p, q, r] = [0, 1, 2].map(|j| self.corners[f][(k + j) % 3]);
+                let angle = (q - p).angle_between(r - p);
+                let corner = (at_corner.entry(self.mesh.triangles()[f][k]))
+                    .or_insert((DVec3::ZERO, Some(self.normals[f])));
+                corner.0 += angle * self.normals[f];
+                (corner.1).take_if(|first| first.dot(self.normals[f]) < FLAT_COSINE);
+            }
+        }
+        let creased = at_corner.values().any(|(_, only)| only.is_none());
+        let (mut resistance, mut samples) = (Matrix6::default(), 0.0);
+        for &f in faces {
+            for k in 0..3 {
+                let (n, only) = at_corner[&self.mesh.triangles()[f][k]];
+                if creased && only.is_some() {
+                    continue;
+                }
+                let n = n.normalize_or_zero();
+                let t = (self.corners[f][k] - centre).cross(n) / radius;
+                let row = [n.x, n.y, n.z, t.x, t.y, t.z];
+                resistance.add_outer(self.areas[f], &row);
+                samples += self.areas[f];
+            }
+        }
+        for value in resistance.0.iter_mut().flatten() {
+            *value /= samples;
+        }
+        resistance
     }
 
     /// The sphere whose centre the normals of a patch pass by nearest, if its corners lie on it.

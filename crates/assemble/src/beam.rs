@@ -245,7 +245,7 @@ impl Beam<'_> {
                 kept.push((of, Vec::new()));
             }
             // Of the parts that promise most several, of others two and what is as good.
-            let most = (width >> at).max(2);
+            let most = (width >> at).max(width.min(2));
             let same = &mut kept[at].1;
             let ties = |first: &Subassembly| state.score > first.score - TIE;
             let open = same.len() < most || same.len() < width && same.first().is_some_and(ties);

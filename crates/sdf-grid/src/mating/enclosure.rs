@@ -21,8 +21,8 @@ const ROW: u128 = (1 << CELLS) - 1;
 /// A question asked at many poses: how much space do two parts enclose that neither encloses alone?
 ///
 /// Both surfaces are marked in a cube of 72 cells along each side, three times as wide as the moving
-/// part's diagonal, around that part; what cannot be reached from its boundary is enclosed. Gaps
-/// narrower than a cell are closed.
+/// part's diagonal, around that part; what cannot be reached from its boundary is enclosed. A
+/// probe three cells wide must pass: gaps of less than two cells are closed.
 ///
 /// ```
 /// use glam::{DQuat, DVec3};

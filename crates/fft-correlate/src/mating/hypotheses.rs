@@ -96,8 +96,15 @@ impl<'a> Hypotheses<'a> {
         round: Option<DVec3>,
         (symmetries, all_equal): (&'a [Pose], bool),
     ) -> Self {
+        let widths = parts.map(|p| widths(&p.planes));
+        let [first, second] = [0, 1].map(|i| {
+            // Sides of a tongue as wide as a groove of the other part, or of such a groove.
+            let fit = |a: &&Width<'_>| widths[1 - i].iter().any(|b| (a.1 + b.1).abs() < clearance);
+            let fits: Vec<&Plane> = widths[i].iter().filter(fit).map(|w| w.0).collect();
+            directions(&parts[i].planes, &fits)
+        });
         Self {
-            directions: parts.map(|p| directions(&p.planes)),
+            directions: [first, second],
             parts,
             clearance,
             round,
@@ -560,8 +567,29 @@ impl<'a> AxisPair<'a> {
     }
 }
 
-/// Planes by direction, the largest first.
-fn directions(planes: &[Plane]) -> Vec<Direction<'_>> {
+/// A plane, and how far an opposite one is behind it, metres: of a tongue. Of a groove it lies before it,
+/// at a negative distance.
+type Width<'a> = (&'a Plane, f64);
+
+/// The widths of all pairs of opposite planes that lie side by side, each seen from both.
+fn widths(planes: &[Plane]) -> Vec<Width<'_>> {
+    let mut found = Vec::new();
+    for a in planes {
+        for b in planes {
+            let apart = a.middle - b.middle;
+            let beside = apart - apart.dot(a.normal) * a.normal;
+            let opposite = a.normal.dot(b.normal) < -PARALLEL_COSINE;
+            if opposite && beside.length() < a.radius.max(b.radius) {
+                found.push((a, a.offset + b.offset));
+            }
+        }
+    }
+    found
+}
+
+/// Planes by direction: those first with sides of a tongue or groove that fits the other part, then the
+/// nearest to such a side for their size, as the floor of a groove; of equally near ones the largest.
+fn directions<'a>(planes: &'a [Plane], fits: &[&Plane]) -> Vec<Direction<'a>> {
     let mut found: Vec<Direction<'_>> = Vec::new();
     for plane in planes {
         let parallel = |d: &&mut Direction<'_>| d.normal.dot(plane.normal) > PARALLEL_COSINE;
@@ -577,8 +605,19 @@ fn directions(planes: &[Plane]) -> Vec<Direction<'_>> {
             }),
         }
     }
-    found.sort_by(|a, b| b.area.total_cmp(&a.area));
-    found
+    let apart = |d: &Direction<'_>| {
+        let to = |f: &&Plane| {
+            let share = |p: &&Plane| p.middle.distance(f.middle) / (p.radius + f.radius);
+            match f.normal.dot(d.normal) > PARALLEL_COSINE {
+                true => 0.0,
+                false => d.planes.iter().map(share).fold(1.0, f64::min),
+            }
+        };
+        fits.iter().map(to).fold(1.0, f64::min)
+    };
+    let mut found: Vec<_> = found.into_iter().map(|d| (apart(&d), d)).collect();
+    found.sort_by(|(a, d), (b, e)| a.total_cmp(b).then(e.area.total_cmp(&d.area)));
+    found.into_iter().map(|(_, direction)| direction).collect()
 }
 
 /// All ordered pairs of directions.

@@ -323,10 +323,7 @@ impl Beam<'_> {
                 places.swap(0, i);
                 let turn = |place: &(Pose, Joint)| turned(first, &place.0, symmetries);
                 places[1..].sort_by(|a, b| turn(a).total_cmp(&turn(b)));
-                let mut places = self.apart(way.shape, places);
-                if members.len() < places.len() {
-                    places.truncate(1);
-                }
+                let places = self.apart(way.shape, places, members.len());
                 let members = &members[..places.len()];
                 children.push(state.with(way, members, &places, self.shapes));
                 chosen.extend(places.iter().map(|p| p.0));
@@ -335,8 +332,18 @@ impl Beam<'_> {
         children
     }
 
-    /// Places in which parts of one shape do not lie in each other, the first first.
-    fn apart(&self, shape: usize, places: Vec<(Pose, Joint)>) -> Vec<(Pose, Joint)> {
+    /// Places in which parts of one shape do not lie in each other, the first first; only the first if
+    /// there are more than `most`.
+    fn apart(
+        &self,
+        shape: usize,
+        mut places: Vec<(Pose, Joint)>,
+        most: usize,
+    ) -> Vec<(Pose, Joint)> {
+        if most == 1 {
+            places.truncate(1);
+            return places;
+        }
         let mesh = &*self.shapes[shape].mesh;
         let bounds = mesh.bounds();
         let query = InterferenceQuery::new(mesh, mesh);
@@ -351,6 +358,10 @@ impl Beam<'_> {
             };
             if kept.iter().all(clear) {
                 kept.push((pose, joint));
+            }
+            if kept.len() > most {
+                kept.truncate(1);
+                break;
             }
         }
         kept

@@ -6,12 +6,12 @@ use sdf_grid::{Matrix6, PatchAxis, Vector6};
 use crate::geometry::se3::Pose;
 
 /// Sine of the angle by which an axis of a part on the known axis may lean.
-const LEANS: f64 = 1e-3;
+pub(super) const LEANS: f64 = 1e-3;
 
 /// A line of the fixed frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct KnownAxis {
-    point: DVec3,
+    pub(super) point: DVec3,
     direction: DVec3,
 }
 
@@ -51,12 +51,18 @@ impl KnownAxis {
         )
     }
 
-    /// Whether one of a part's axes (its frame) lies on this one at a pose, up to a distance, metres.
-    pub(super) fn carries(&self, pose: &Pose, axes: &[PatchAxis], distance: f64) -> bool {
+    /// Whether one of a part's axes (its frame) lies on this one at a pose, up to the sine of an angle and
+    /// a distance, metres.
+    pub(super) fn carries(
+        &self,
+        pose: &Pose,
+        axes: &[PatchAxis],
+        (sine, distance): (f64, f64),
+    ) -> bool {
         axes.iter().any(|axis| {
             let direction = pose.rotation * axis.direction;
             let beside = (pose.apply(axis.point) - self.point).cross(self.direction);
-            direction.cross(self.direction).length() < LEANS && beside.length() < distance
+            direction.cross(self.direction).length() < sine && beside.length() < distance
         })
     }
 }

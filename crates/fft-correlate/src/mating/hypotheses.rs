@@ -6,10 +6,14 @@ use std::f64::consts::TAU;
 use glam::{DMat3, DQuat, DVec3};
 use sdf_grid::{PatchAxis, Plane, RoundPatch, SurfaceFeatures};
 
+use super::axis::KnownAxis;
 use crate::geometry::se3::Pose;
 
 /// Directions are parallel if they turn from each other by less: 1 degree.
 const PARALLEL_COSINE: f64 = 0.99985;
+
+/// Sine of the angle between alike axes, at most.
+const LEANS: f64 = 0.01;
 
 /// Directions of each part whose pairs give rotations.
 const DIRECTIONS: [usize; 2] = [14, 12];
@@ -263,17 +267,9 @@ impl<'a> Hypotheses<'a> {
 
     /// Pins in holes: for every pair of axes and both senses, all spins and places along the axis.
     pub(super) fn coaxial(&self) -> Vec<Family> {
-        let [fixed, moving] = self.parts.map(|p| &p.axes);
-        let mut pairs: Vec<AxisPair> = Vec::new();
-        for m in moving {
-            for f in fixed {
-                pairs.extend(AxisPair::new(f, m));
-            }
-        }
-        pairs.sort_by(|a, b| b.weight.total_cmp(&a.weight));
-        pairs.truncate(AXIS_PAIRS);
         let mut families = Vec::new();
         let mut kinds: Vec<(AxisPair, DQuat)> = Vec::new();
+        let pairs = self.axis_pairs();
         for pair in &pairs {
             for sense in [1.0, -1.0] {
                 let base =
@@ -295,6 +291,34 @@ impl<'a> Hypotheses<'a> {
             }
         }
         families
+    }
+
+    /// Pairs of axes that may lie on each other, the largest first.
+    fn axis_pairs(&self) -> Vec<AxisPair<'_>> {
+        let [fixed, moving] = self.parts.map(|p| &p.axes);
+        let of_axis = |m| fixed.iter().filter_map(move |f| AxisPair::new(f, m));
+        let mut pairs: Vec<AxisPair<'_>> = moving.iter().flat_map(of_axis).collect();
+        pairs.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+        pairs.truncate(AXIS_PAIRS);
+        pairs
+    }
+
+    /// Axes of the fixed part that a moving one may lie on, in sets that are parallel and alike.
+    pub(super) fn alike_axes(&self) -> Vec<Vec<KnownAxis>> {
+        let mut sets: Vec<(AxisPair<'_>, Vec<KnownAxis>)> = Vec::new();
+        for pair in self.axis_pairs() {
+            let axis = KnownAxis::new((pair.fixed.point, pair.fixed.direction));
+            let alike = |(first, _): &&mut (AxisPair<'_>, Vec<KnownAxis>)| {
+                let sine = first.fixed.direction.cross(pair.fixed.direction).length();
+                pair.is_alike(first, 0.1 * self.clearance) && sine < LEANS
+            };
+            match sets.iter_mut().find(alike) {
+                Some((_, axes)) if axes.contains(&axis) => {}
+                Some((_, axes)) => axes.push(axis),
+                None => sets.push((pair, vec![axis])),
+            }
+        }
+        sets.into_iter().map(|(_, axes)| axes).collect()
     }
 
     /// The moving part's axes on a given axis, both ways, in all spins and places in which boxes

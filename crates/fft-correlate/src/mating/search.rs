@@ -11,7 +11,7 @@ use sdf_grid::{
     TriangleMesh, symmetry,
 };
 
-use super::axis::KnownAxis;
+use super::axis::{KnownAxis, LEANS};
 use super::contact::{HoldReport, INFORMATION_FLOOR, INSIDE, MatingContact};
 use super::hypotheses::{Family, Hypotheses};
 use super::joint::Joint;
@@ -28,6 +28,10 @@ const CHOSEN: usize = 4;
 
 /// Families of alike holes that are screened in all poses; others only where these were good.
 const SCREENED_ALIKE: usize = 4;
+
+/// Places of which each is tried in all alike holes, and the sine of the angle by which they may lean.
+const REPEATED: usize = 4;
+const PLAY: f64 = 0.03;
 
 /// Angle between the rotations of balls in cups, radians: 30 degrees.
 const BALL_STEP: f64 = std::f64::consts::FRAC_PI_6;
@@ -218,8 +222,38 @@ impl<'a> MatingSearch<'a> {
     /// nor axes in common, or the monitor cancels. `others` are seated and ranked with them.
     pub fn run(&self, others: &[Pose], monitor: &dyn Monitor) -> Vec<HeldPose> {
         let screened = self.screened.get_or_init(|| self.screen(monitor)).clone();
-        let homes = self.seated(screened, others, monitor);
+        let mut homes = self.seated(screened, others, monitor);
+        homes.extend(self.repeated(&homes, monitor));
+        let homes = self.distinct(homes, 0.5 * self.contact.resolution, usize::MAX);
         self.ranked(&homes, monitor)
+    }
+
+    /// What is best in one of several alike holes, in those where nothing has been found.
+    fn repeated(&self, homes: &[Candidate], monitor: &dyn Monitor) -> Vec<Candidate> {
+        let moving = &self.features[1].axes;
+        let near = self.contact.resolution;
+        let mut starts: Vec<Candidate> = Vec::new();
+        for alike in self.hypotheses().alike_axes() {
+            let hole = |c: &Candidate| {
+                let on = |hole: &KnownAxis| hole.carries(&c.pose, moving, (PLAY, near));
+                alike.iter().copied().find(on)
+            };
+            let in_holes = homes.iter().filter_map(|c| Some((c, hole(c)?)));
+            for (home, hole) in in_holes.take(REPEATED) {
+                for other in &alike {
+                    let pose = shifted(&home.pose, other.point - hole.point);
+                    let value = home.value;
+                    let known = |c: &Candidate| self.contact.distance(&c.pose, &pose) <= near;
+                    if !homes.iter().chain(&starts).any(known) {
+                        starts.push(Candidate { pose, value });
+                    }
+                }
+            }
+        }
+        match starts.is_empty() {
+            true => Vec::new(),
+            false => self.seated(starts, &[], monitor),
+        }
     }
 
     /// The same from given poses only: where contact holds the moving part near them. Poses near which
@@ -407,7 +441,7 @@ impl<'a> MatingSearch<'a> {
         let axes = &self.features[1].axes;
         let near = ON_AXIS * self.contact.resolution;
         let known = self.contact.known_axis;
-        known.is_none_or(|axis| axis.carries(pose, axes, near))
+        known.is_none_or(|axis| axis.carries(pose, axes, (LEANS, near)))
             && self.options.region.contains(pose, self.contact.centre)
     }
 

@@ -326,6 +326,20 @@ fn a_round_ended_key_is_found_in_an_open_groove() {
     }
 }
 
+/// A gear has more flanks than directions that are tried: the walls of its keyway are among them.
+#[test]
+fn a_key_is_found_in_the_keyway_of_a_gear() {
+    for seed in [3, 4] {
+        let known = pegfit_fixtures::known_assembly(seed, "gearbox");
+        let known = known.unwrap().unwrap();
+        let part = |name: &str| known.parts.iter().find(|p| p.name == name).unwrap();
+        let [gear, key] = ["gear", "key"].map(|name| &part(name).mesh);
+        let found = search(gear, key, None);
+        let there = contact(gear, key).hold(&Pose::IDENTITY).hold;
+        assert!(found[0].rank > there - 1.0, "{there} {:?}", found[0].hold);
+    }
+}
+
 #[test]
 fn a_part_ends_in_the_middle_of_its_play() {
     let (hole, peg) = PegInHole::Rectangular.pair(4e-4).unwrap();

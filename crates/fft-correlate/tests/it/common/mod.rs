@@ -6,7 +6,7 @@ use fft_correlate::{
     Response, RotationDomain, ScoreModel, Scratch, Side, Storage, TableSpec, Wrench,
 };
 use glam::{DQuat, DVec3};
-use ndarray::ArrayViewMut3;
+use ndarray::{Array3, ArrayViewMut3};
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
 use sdf_grid::{Lattice, Silent};
@@ -106,13 +106,36 @@ impl NodeEnergies for OnWindow<'_> {
 
     fn scratch(&self) {}
 
+    /// Each Gaussian is a product over the axes: three rows of exponentials give it on all nodes.
     fn energies(&self, rotation: DQuat, _: &mut (), mut out: ArrayViewMut3<'_, f32>) {
-        for ((i, j, k), e) in out.indexed_iter_mut() {
-            *e = self
-                .0
-                .exact(&pose(rotation, self.1.position([i, j, k])))
-                .energy as f32;
+        let Self(
+            Gaussians {
+                moving,
+                fixed,
+                width,
+            },
+            window,
+        ) = self;
+        let first = pose(rotation, window.position([0; 3]));
+        let mut sum = Array3::<f64>::zeros(out.dim());
+        for y in moving {
+            for (z, w) in fixed {
+                let start = first.apply(*y) - *z;
+                let rows: [Vec<f64>; 3] = std::array::from_fn(|axis| {
+                    let at = |n: usize| start[axis] + n as f64 * window.spacing();
+                    let value = |n| (-at(n) * at(n) / (2.0 * width * width)).exp();
+                    (0..window.shape()[axis]).map(value).collect()
+                });
+                for (x, mut plane) in rows[0].iter().zip(sum.outer_iter_mut()) {
+                    for (y, mut row) in rows[1].iter().zip(plane.outer_iter_mut()) {
+                        for (z, value) in rows[2].iter().zip(row.iter_mut()) {
+                            *value += w * x * y * z;
+                        }
+                    }
+                }
+            }
         }
+        out.zip_mut_with(&sum, |out, sum| *out = *sum as f32);
     }
 }
 

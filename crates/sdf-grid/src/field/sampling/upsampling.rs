@@ -4,7 +4,7 @@
 //! suffices and cubics interpolate the rest. Where they vary more, next to the boundary and on the
 //! skeleton's sharp branches, the fine lattice is computed.
 
-use ndarray::{Array3, Axis, s};
+use ndarray::{Array3, s};
 use num_complex::Complex32;
 use rayon::prelude::*;
 
@@ -163,34 +163,37 @@ fn classify_nodes(
     most: f32,
 ) -> Array3<Side> {
     let most = most * most;
-    let mut sides = Array3::from_elem(density.dim(), Side::Rough);
-    let planes = sides.axis_iter_mut(Axis(0)).into_par_iter().enumerate();
-    planes.for_each(|(x, mut plane)| {
-        for ((y, z), side) in plane.indexed_iter_mut() {
-            let at = [x, y, z];
-            let distance = signed[at];
-            if distance.abs() >= clear && (0..3).all(|a| fourth_difference(density, at, a) <= most)
-            {
-                *side = match distance < 0.0 {
+    let (nx, ny, nz) = density.dim();
+    // Nodes and strides along the axes.
+    let axes = [(nx, ny * nz), (ny, nz), (nz, 1)];
+    let whole = "arrays that are not sliced are contiguous";
+    let (density, signed) = (density.as_slice(), signed.as_slice());
+    let (density, signed) = (density.expect(whole), signed.expect(whole));
+    let mut sides = vec![Side::Rough; density.len()];
+    let planes = sides.par_chunks_mut(ny * nz).enumerate();
+    planes.for_each(|(x, plane)| {
+        for (n, side) in plane.iter_mut().enumerate() {
+            let (node, at) = (x * ny * nz + n, [x, n / nz, n % nz]);
+            let is_smooth = || {
+                at.into_iter().zip(axes).all(|(n, (nodes, stride))| {
+                    // Nothing reads the nodes at the rim.
+                    n < 2 || n + 2 >= nodes || fourth_difference(density, node, stride) <= most
+                })
+            };
+            if signed[node].abs() >= clear && is_smooth() {
+                *side = match signed[node] < 0.0 {
                     true => Side::Inside,
                     false => Side::Outside,
                 };
             }
         }
     });
-    sides
+    Array3::from_shape_vec((nx, ny, nz), sides).expect("a side for each node")
 }
 
-/// The squared fourth difference along an axis; of nodes at the rim, which nothing reads, none.
-fn fourth_difference(density: &Array3<Complex32>, at: [usize; 3], axis: usize) -> f32 {
-    if at[axis] < 2 || at[axis] + 2 >= density.shape()[axis] {
-        return 0.0;
-    }
-    let value = |shift: usize| {
-        let mut near = at;
-        near[axis] = at[axis] + shift - 2;
-        density[near]
-    };
+/// The squared fourth difference about a node with two others on both sides, `stride` apart.
+fn fourth_difference(values: &[Complex32], node: usize, stride: usize) -> f32 {
+    let value = |shift: usize| values[node + shift * stride - 2 * stride];
     let outer = value(0) + value(4);
     let inner = value(1) + value(3);
     (outer - inner * 4.0 + value(2) * 6.0).norm_sqr()

@@ -5,12 +5,13 @@ use std::path::Path;
 use pegfit_scene::{FitSolids, FitVerdict, MeshVerdict};
 use sdf_grid::LengthUnit;
 use sdf_grid::mesh_io::{MeshFile, ReadOptions};
+#[cfg(target_family = "wasm")]
 use wasm_bindgen::prelude::{JsError, wasm_bindgen};
 
 use crate::opened::NamedSolid;
 
 /// Mesh files dropped onto the page, each with the verdict of `pegfit check`.
-#[wasm_bindgen]
+#[cfg_attr(target_family = "wasm", wasm_bindgen)]
 #[derive(Debug)]
 pub struct Meshes {
     unit: LengthUnit,
@@ -18,6 +19,7 @@ pub struct Meshes {
     lines: Vec<String>,
 }
 
+#[cfg(target_family = "wasm")]
 #[wasm_bindgen]
 impl Meshes {
     /// No files yet; coordinates of those that state no unit are in `unit`.
@@ -28,7 +30,10 @@ impl Meshes {
     pub fn new(unit: &str) -> Result<Self, JsError> {
         Ok(Self::in_unit(unit.parse()?))
     }
+}
 
+#[cfg_attr(target_family = "wasm", wasm_bindgen)]
+impl Meshes {
     /// Reads and checks a file; false if it cannot be used.
     pub fn add(&mut self, name: &str, bytes: &[u8]) -> bool {
         let options = ReadOptions {
@@ -61,7 +66,7 @@ impl Meshes {
     }
 
     /// Whether there are two files, and both can be used.
-    #[wasm_bindgen(js_name = isPair)]
+    #[cfg_attr(target_family = "wasm", wasm_bindgen(js_name = isPair))]
     pub fn is_pair(&self) -> bool {
         self.pair().is_some()
     }
@@ -77,6 +82,7 @@ impl Meshes {
     }
 
     /// The unit of files that state none.
+    #[cfg(target_family = "wasm")]
     pub(crate) fn unit(&self) -> LengthUnit {
         self.unit
     }

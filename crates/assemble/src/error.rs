@@ -52,7 +52,10 @@ pub enum AssemblyError {
     )]
     NothingFits,
     /// What an earlier search found cannot be used, or what this one finds cannot be kept.
-    #[error("{}: expected {expected}, found {found}", file.display())]
+    #[error(
+        "{}: expected {expected}, found {found}; name another file to search afresh",
+        file.display()
+    )]
     Journal {
         /// The file.
         file: PathBuf,

@@ -26,9 +26,9 @@ pub struct AssemblyResult {
     pub seconds: f64,
 }
 
-/// An assembly is certain if it is worth more than the next by so much, nats, and no part is held worse
-/// than it could be by so much. Contact alone has been wrong by 4.8 nats: legs that lie in a corner of
-/// their table are held better than in their threads.
+/// An assembly is certain if it is worth more than the next by so much, nats, and no part is held
+/// worse than it could be by so much. Contact alone has been wrong by 4.8 nats: legs that lie in a
+/// corner of their table are held better than in their threads.
 const CERTAIN: f64 = 5.0;
 
 impl AssemblyResult {

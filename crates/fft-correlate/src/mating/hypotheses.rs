@@ -13,7 +13,7 @@ use crate::geometry::se3::Pose;
 const PARALLEL_COSINE: f64 = 0.99985;
 
 /// Sine of the angle between alike axes, at most.
-const LEANS: f64 = 0.01;
+const ALIKE_SINE: f64 = 0.01;
 
 /// Directions of each part whose pairs give rotations.
 const DIRECTIONS: [usize; 2] = [14, 12];
@@ -310,7 +310,7 @@ impl<'a> Hypotheses<'a> {
             let axis = KnownAxis::new((pair.fixed.point, pair.fixed.direction));
             let alike = |(first, _): &&mut (AxisPair<'_>, Vec<KnownAxis>)| {
                 let sine = first.fixed.direction.cross(pair.fixed.direction).length();
-                pair.is_alike(first, 0.1 * self.clearance) && sine < LEANS
+                pair.is_alike(first, 0.1 * self.clearance) && sine < ALIKE_SINE
             };
             match sets.iter_mut().find(alike) {
                 Some((_, axes)) if axes.contains(&axis) => {}

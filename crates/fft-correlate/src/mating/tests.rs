@@ -334,8 +334,12 @@ fn a_key_is_found_in_the_keyway_of_a_gear() {
         let known = known.unwrap().unwrap();
         let part = |name: &str| known.parts.iter().find(|p| p.name == name).unwrap();
         let [gear, key] = ["gear", "key"].map(|name| &part(name).mesh);
-        let found = search(gear, key, None);
         let there = contact(gear, key).hold(&Pose::IDENTITY).hold;
+        let turned = |mesh: &TriangleMesh, by: f64| {
+            let turn = DQuat::from_scaled_axis(by * DVec3::new(0.7, -1.1, 0.4));
+            mesh.transformed(turn, 0.02 * DVec3::new(by, 1.0, -by))
+        };
+        let found = search(&turned(gear, 1.0), &turned(key, -1.7), None);
         assert!(found[0].rank > there - 1.0, "{there} {:?}", found[0].hold);
     }
 }

@@ -42,10 +42,9 @@ impl MatingSearch<'_> {
         };
         // As it is turned, or seated there once more.
         let as_good = |pose: &Pose| {
-            let poses = [*pose, self.contact.approach_nearly_right(pose)];
-            let measured = poses.map(|pose| self.measure_with(query, &pose));
-            let good = measured.into_iter().find(|m| m.rank > found.rank - AS_GOOD);
-            good.map(|measured| HeldPose {
+            let measured = |pose: &Pose| self.measure_above(query, pose, found.rank - AS_GOOD);
+            let seated = || measured(&self.contact.approach_nearly_right(pose));
+            measured(pose).or_else(seated).map(|measured| HeldPose {
                 joint: self.contact.joint(&measured.pose),
                 alike: found.alike.clone(),
                 ..measured

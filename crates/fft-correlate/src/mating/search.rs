@@ -469,17 +469,17 @@ impl<'a> MatingSearch<'a> {
             MEASURED.min(4 * self.options.top).max(16),
         );
         let query = InterferenceQuery::new(self.fixed, self.moving);
+        let least = self.options.least.unwrap_or(f64::NEG_INFINITY);
         monitor.begin("measuring overlaps", kept.len() as u64);
         let measure = |i: &usize| {
             if monitor.cancelled() {
                 return None;
             }
-            let measured = self.measure_with(&query, &homes[*i].pose);
+            let measured = self.measure_above(&query, &homes[*i].pose, least);
             monitor.advance(1);
-            Some(measured)
+            measured
         };
         let mut measured: Vec<_> = kept.par_iter().filter_map(measure).collect();
-        measured.retain(|m| self.options.least.is_none_or(|least| m.rank >= least));
         measured.sort_by(|a, b| b.rank.total_cmp(&a.rank));
         // Places that are alike.
         let mut groups: Vec<(usize, Vec<usize>)> = Vec::new();
@@ -496,20 +496,19 @@ impl<'a> MatingSearch<'a> {
         groups.truncate(self.options.top);
         let hypotheses = self.hypotheses();
         let report = |(_, members): &(usize, Vec<usize>)| {
-            let mut members: Vec<(usize, Pose)> = (members.iter())
-                .map(|i| (*i, self.as_present(&measured[*i].pose)))
+            let mut members: Vec<HeldPose> = (members.iter())
+                .map(|i| HeldPose {
+                    pose: self.as_present(&measured[*i].pose),
+                    ..measured[*i].clone()
+                })
                 .collect();
             if let Some(present) = self.options.present {
-                let away = |m: &(usize, Pose)| self.contact.distance(&m.1, &present);
+                let away = |m: &HeldPose| self.contact.distance(&m.pose, &present);
                 members.sort_by(|a, b| away(a).total_cmp(&away(b)));
             }
-            let (first, pose) = members[0];
-            let alike = members[1..].iter().map(|m| m.1).collect();
-            let found = HeldPose {
-                pose,
-                alike,
-                ..measured[first].clone()
-            };
+            let mut found = members.remove(0);
+            let pose = found.pose;
+            found.alike = members.iter().map(|m| m.pose).collect();
             if monitor.cancelled() {
                 return found;
             }
@@ -524,8 +523,8 @@ impl<'a> MatingSearch<'a> {
             let mut best = shown(found);
             if best.pose != pose {
                 // The same turn elsewhere.
-                let turned = |pose: &Pose| shown(self.measure_with(&query, pose)).pose;
-                best.alike = best.alike.par_iter().map(turned).collect();
+                let turned = |found: &HeldPose| shown(found.clone()).pose;
+                best.alike = members.par_iter().map(turned).collect();
             }
             best
         };
@@ -572,25 +571,53 @@ impl<'a> MatingSearch<'a> {
     }
 
     /// All but the joint, which is left undetermined.
-    pub(super) fn measure_with(&self, query: &InterferenceQuery<'_>, pose: &Pose) -> HeldPose {
-        let interference = query.at(pose.rotation, pose.translation);
+    fn measure_with(&self, query: &InterferenceQuery<'_>, pose: &Pose) -> HeldPose {
+        self.with_overlap(query, self.without_overlap(pose))
+    }
+
+    /// The same where the rank is at least `least`, nats: overlap, which takes long, is not measured
+    /// where it cannot be.
+    pub(super) fn measure_above(
+        &self,
+        query: &InterferenceQuery<'_>,
+        pose: &Pose,
+        least: f64,
+    ) -> Option<HeldPose> {
+        let apart = self.without_overlap(pose);
+        let measured = (apart.rank >= least).then(|| self.with_overlap(query, apart));
+        measured.filter(|m| m.rank >= least)
+    }
+
+    /// The hold at a pose, and what the parts enclose, as if they did not overlap.
+    fn without_overlap(&self, pose: &Pose) -> HeldPose {
         let hold = self.contact.hold(pose);
-        let overlap = (interference.volume / self.moving.volume()).clamp(0.0, 1.0);
-        let depth = interference.depth / self.contact.radius;
         let enclosed = self.enclosure.volume(pose.rotation, pose.translation);
         let share = enclosed / self.contact.radius.powi(3);
+        HeldPose {
+            pose: *pose,
+            hold,
+            interference: Interference::default(),
+            overlap: 0.0,
+            enclosed,
+            rank: hold.hold + CLOSES * share.min(1.0),
+            joint: Joint::default(),
+            alike: Vec::new(),
+        }
+    }
+
+    /// The same pose with its overlap, and what that costs.
+    fn with_overlap(&self, query: &InterferenceQuery<'_>, apart: HeldPose) -> HeldPose {
+        let interference = query.at(apart.pose.rotation, apart.pose.translation);
+        let overlap = (interference.volume / self.moving.volume()).clamp(0.0, 1.0);
+        let depth = interference.depth / self.contact.radius;
         let cost = OVERLAP * (overlap / SLIGHT_OVERLAP).ln_1p()
             + INSIDE * overlap
             + DEPTH * (depth - FACET_DEPTH).max(0.0);
         HeldPose {
-            pose: *pose,
-            hold,
             interference,
             overlap,
-            enclosed,
-            rank: hold.hold - cost + CLOSES * share.min(1.0),
-            joint: Joint::default(),
-            alike: Vec::new(),
+            rank: apart.rank - cost,
+            ..apart
         }
     }
 

@@ -69,21 +69,21 @@ impl<'a> InterferenceQuery<'a> {
         }
         let back = |p: DVec3| rotation.conjugate() * (p - translation);
         let [fixed, moving] = &self.trees;
-        let depth = |p: DVec3| {
-            let away = [fixed.nearest(p), moving.nearest(back(p))];
-            away[0].distance.max(away[1].distance)
+        // Points that cannot lie deeper than the deepest so far need no exact distance.
+        let deeper = |deepest: f64, p: DVec3| {
+            let deepest = fixed.distance_above(p, deepest).unwrap_or(deepest);
+            moving.distance_above(back(p), deepest).unwrap_or(deepest)
         };
-        let deepest = |points: Vec<DVec3>| points.into_iter().map(depth).fold(0.0, f64::max);
+        let deepest = |points: Vec<DVec3>| points.into_iter().fold(0.0, deeper);
         match self.common(&placed) {
             Some(Intersection::Nothing) => Interference::default(),
             Some(Intersection::Solid(common)) => {
                 let middle = self.fixed.bounds().center();
                 let (vertices, triangles) = common.mesh();
-                let corner = |v: u32| vertices[v as usize] + middle;
-                let faces = triangles.iter().map(|t| t.map(corner));
+                let vertices: Vec<DVec3> = vertices.iter().map(|v| v + middle).collect();
                 Interference {
                     volume: common.volume().max(0.0),
-                    depth: deepest(points_on(faces)),
+                    depth: deepest(points_on(&vertices, &triangles)),
                 }
             }
             None => {
@@ -93,8 +93,9 @@ impl<'a> InterferenceQuery<'a> {
                     |p: &DVec3| moving_box.contains(*p) && moving.signed_distance(back(*p)) <= 0.0;
                 let in_fixed =
                     |p: &DVec3| fixed_box.contains(*p) && fixed.signed_distance(*p) <= 0.0;
-                let of_fixed = points_on(self.fixed.faces()).into_iter().filter(in_moving);
-                let of_moving = points_on(placed.faces()).into_iter().filter(in_fixed);
+                let points = |part: &TriangleMesh| points_on(part.vertices(), part.triangles());
+                let of_fixed = points(self.fixed).into_iter().filter(in_moving);
+                let of_moving = points(&placed).into_iter().filter(in_fixed);
                 let points = of_fixed.chain(of_moving).collect();
                 Interference {
                     volume: shared_volume(self.fixed, &placed),
@@ -113,16 +114,16 @@ impl<'a> InterferenceQuery<'a> {
     }
 }
 
-/// Points on a surface: the corners and the middle of each face, and of large ones a grid, some 3000
-/// in all.
-fn points_on(faces: impl Iterator<Item = [DVec3; 3]>) -> Vec<DVec3> {
+/// Points on a surface: its vertices, the middle of each face, and of large ones a grid, some 3000 in
+/// all.
+fn points_on(vertices: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
     const GRID: f64 = 3000.0;
-    let faces: Vec<_> = faces.collect();
-    let area: f64 = faces.iter().copied().map(face_area).sum();
-    let mut points = Vec::new();
-    for face in faces {
+    let corners = |t: &[u32; 3]| t.map(|v| vertices[v as usize]);
+    let area: f64 = triangles.iter().map(|t| face_area(corners(t))).sum();
+    let mut points = vertices.to_vec();
+    for face in triangles.iter().map(corners) {
         let [a, b, c] = face;
-        points.extend([a, b, c, (a + b + c) / 3.0]);
+        points.push((a + b + c) / 3.0);
         // A triangle cut into n² alike has (n - 1) (n - 2) / 2 grid points inside it.
         let n = (2.0 * GRID * face_area(face) / area).sqrt() as u32 + 1;
         for i in 1..n {

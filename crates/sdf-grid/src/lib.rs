@@ -19,7 +19,7 @@ mod support;
 mod surface;
 
 pub use contact::error::ContactError;
-pub use contact::sum::contact_sum::{ContactSum, ContactSums, ContactSurfaces};
+pub use contact::sum::contact_sum::{ContactSum, ContactSums};
 pub use field::cache::{CacheError, FieldCache};
 pub use field::density_field::DensityField;
 pub use field::kernel::{DensityKernel, KernelError};

@@ -50,7 +50,9 @@ pub struct DirectOptions {
     pub merge_tolerance: f64,
     /// At most this many points in all, as far as blocks of 16 cells per side allow; more blocks
     /// merge, the smoothest first, until it is met. Merging moves weight, it never drops any. Smoothed
-    /// densities are put on a coarser lattice instead. None sets no limit.
+    /// densities are put on a coarser lattice instead. None sets no limit. With a limit all that
+    /// contact needs is prepared ahead, for a loop: evaluation then allocates nothing. Without, it is
+    /// prepared where a pose first comes.
     pub max_points: Option<usize>,
 }
 
@@ -134,7 +136,7 @@ pub struct DirectDescription {
     /// Blocks merged up to this cost (see [`DirectOptions::merge_tolerance`]); from about 0.4 on,
     /// blocks at the boundary had to merge to meet the limit on points.
     pub merge_tolerance: f64,
-    /// Bytes of points and looked-up lattices.
+    /// Bytes of points, looked-up lattices and what of contact is prepared.
     pub bytes: u64,
 }
 
@@ -272,8 +274,12 @@ impl DirectEvaluator {
             return Self::new(&coarser, options);
         }
         let mut evaluator = Self::empty(pair, 0.0);
+        // A loop waits for nothing.
+        if options.max_points.is_some() {
+            contact.prepare(&pair.contact_region());
+            evaluator.description.bytes = contact.bytes();
+        }
         evaluator.contact = Some(contact.clone());
-        evaluator.description.bytes = contact.bytes();
         for (term, points) in terms.iter().zip(points) {
             evaluator.add(pair, term, points.count(), &[points.groups()])?;
         }
@@ -347,12 +353,12 @@ impl DirectEvaluator {
         &self.description
     }
 
-    /// The complex score `f(T)`, cubic metres (eq_5). Allocates nothing.
+    /// The complex score `f(T)`, cubic metres (eq_5).
     pub fn score(&self, pose: &Pose) -> Complex64 {
         self.sum::<true>(pose).score
     }
 
-    /// Score, energy and wrench together. Allocates nothing.
+    /// Score, energy and wrench together.
     pub fn evaluate_full(&self, pose: &Pose) -> FullResponse {
         let sums = self.sum::<true>(pose);
         FullResponse {

@@ -170,6 +170,8 @@ fn who_cannot_be_answered_is_told_why_and_may_ask_again() {
     let found = evaluator.response(&fit, &mut scratch, &watch).unwrap();
     assert!(found.energy != 0.0 && evaluator.watched(&watch).failure().is_none());
 
+    // What no pose has been asked of.
+    let evaluator = TiledEvaluator::new(&setup, &DirectOptions::FULL, &Silent).unwrap();
     setup.builder.memory_limit = Some(tiles(&evaluator).pieces.bytes() + 1000);
     let evaluator = TiledEvaluator::new(&setup, &DirectOptions::FULL, &Silent).unwrap();
     let refused = evaluator.response(&fit, &mut evaluator.scratch(), &Silent);

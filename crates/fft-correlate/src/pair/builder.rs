@@ -12,11 +12,10 @@ use sdf_grid::{
 };
 
 use crate::geometry::side::Side;
-use crate::pair::contact::{Contact, ContactParts, Smoothing, jump};
+use crate::pair::contact::{Contact, Smoothing, jump};
 use crate::pair::fields::{Pair, PairError};
 use crate::pair::interpolation::Interpolation;
 use crate::pair::model::{PairProvenance, ScoreModel};
-use crate::pair::region::ContactRegion;
 
 /// Lattice nodes of both parts together that [`default_spacing`] does not exceed.
 const DEFAULT_NODES: f64 = 6e6;
@@ -408,9 +407,7 @@ impl PairPlan {
         cache: Option<&FieldCache>,
         monitor: &dyn Monitor,
     ) -> Result<Pair, PairBuildError> {
-        let contact = self.contact_parts([fixed, moving])?;
-        let contact = contact.map(|parts| parts.within(&ContactRegion::Everywhere));
-        let contact = contact.transpose()?;
+        let contact = self.contact([fixed, moving])?;
         let fixed = self.fixed_field(fixed, cache, monitor)?;
         let moving = self.moving_field(moving, cache, monitor)?;
         let pair = self.joined([fixed, moving], contact)?;
@@ -427,20 +424,16 @@ impl PairPlan {
         Ok(pair.with_points(self.points))
     }
 
-    /// What smoothing takes from the score, wherever it is to be summed, if densities are smoothed.
-    pub(super) fn contact_parts(
+    /// What smoothing takes from the score, if densities are smoothed.
+    pub(super) fn contact(
         &self,
         parts: [&TriangleMesh; 2],
-    ) -> Result<Option<ContactParts>, PairBuildError> {
+    ) -> Result<Option<Contact>, PairBuildError> {
         let Some(smoothing) = &self.smoothing else {
             return Ok(None);
         };
         let parts = parts.map(|part| Arc::new(part.clone()));
-        Ok(Some(ContactParts::new(
-            parts,
-            smoothing,
-            jump(&self.model)?,
-        )?))
+        Ok(Some(Contact::new(parts, smoothing, jump(&self.model)?)?))
     }
 
     /// The fixed part's density on its lattice.
@@ -505,9 +498,6 @@ pub(crate) fn coarser_pair(
     let plan = builder.plan(fixed, moving, pair.model())?;
     match pair.partial() {
         None => plan.build(fixed, moving, pair.cache(), &Silent),
-        Some(p) => {
-            let region = ContactRegion::Box(p.side, p.reached);
-            plan.build_within([fixed, moving], p, &region, pair.cache(), &Silent)
-        }
+        Some(p) => plan.build_within([fixed, moving], p, pair.cache(), &Silent),
     }
 }

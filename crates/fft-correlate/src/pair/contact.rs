@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use sdf_grid::{
-    ContactError, ContactSum, ContactSurfaces, DensityKernel, FieldProvenance, KernelError,
-    Sampling, TriangleMesh,
+    ContactError, ContactSum, DensityKernel, FieldProvenance, KernelError, Sampling, TriangleMesh,
 };
 
 use crate::geometry::se3::Pose;
@@ -127,20 +126,11 @@ pub(crate) struct ContactScore {
     pub(crate) moment: DVec3,
 }
 
-/// Two parts, prepared for the short-range part of their score wherever it is to be summed.
-pub(crate) struct ContactParts {
-    surfaces: ContactSurfaces,
-    parts: [Arc<TriangleMesh>; 2],
-    smoothing: Smoothing,
-    sampled: Side,
-    jump: f64,
-}
-
-impl ContactParts {
-    /// Of a model with this [`jump`].
+impl Contact {
+    /// Of two parts under a model with this [`jump`]; the part with the smaller surface is sampled.
     ///
     /// # Errors
-    /// As [`ContactSurfaces::new`].
+    /// As [`ContactSum::new`].
     pub(crate) fn new(
         parts: [Arc<TriangleMesh>; 2],
         smoothing: &Smoothing,
@@ -155,9 +145,9 @@ impl ContactParts {
             Side::Fixed => (moving, fixed),
             Side::Moving => (fixed, moving),
         };
-        let lengths = [smoothing.width(), smoothing.samples()];
+        let sum = ContactSum::new(surface, samples, smoothing.width(), smoothing.samples())?;
         Ok(Self {
-            surfaces: ContactSurfaces::new(Arc::clone(surface), samples, lengths)?,
+            sum: Arc::new(sum),
             parts,
             smoothing: *smoothing,
             sampled,
@@ -165,40 +155,15 @@ impl ContactParts {
         })
     }
 
-    /// What it gives in a region.
-    ///
-    /// # Errors
-    /// As [`ContactSurfaces::sum`].
-    pub(crate) fn within(&self, region: &ContactRegion) -> Result<Contact, ContactError> {
-        let samples = match self.sampled {
+    /// Looks ahead at what poses in a region reach: at these [`Contact::score`] then allocates
+    /// nothing.
+    pub(crate) fn prepare(&self, region: &ContactRegion) {
+        let sampled = match self.sampled {
             Side::Fixed => &self.parts[0],
             Side::Moving => &self.parts[1],
         };
-        let region = region.of(self.sampled.other(), &samples.bounds());
-        Ok(Contact {
-            sum: Arc::new(self.surfaces.sum(region.as_ref())?),
-            parts: self.parts.clone(),
-            smoothing: self.smoothing,
-            sampled: self.sampled,
-            jump: self.jump,
-        })
-    }
-}
-
-impl Contact {
-    /// Of two parts under a model with this [`jump`], where it is to be summed; the part with the
-    /// smaller surface is sampled.
-    ///
-    /// # Errors
-    /// As [`ContactSum::new`].
-    pub(crate) fn within(
-        [fixed, moving]: [&TriangleMesh; 2],
-        smoothing: &Smoothing,
-        jump: f64,
-        region: &ContactRegion,
-    ) -> Result<Self, ContactError> {
-        let parts = [fixed, moving].map(|part| Arc::new(part.clone()));
-        ContactParts::new(parts, smoothing, jump)?.within(region)
+        let region = region.of(self.sampled.other(), &sampled.bounds());
+        self.sum.prepare(region.as_ref());
     }
 
     /// The same surfaces under another model.
@@ -224,7 +189,7 @@ impl Contact {
         self.sum.bytes() as u64
     }
 
-    /// The score that smoothing takes at a pose. Allocates nothing.
+    /// The score that smoothing takes at a pose.
     pub(crate) fn score(&self, pose: &Pose) -> ContactScore {
         let part = match self.sampled {
             Side::Moving => {
@@ -285,7 +250,8 @@ mod tests {
         let smoothing = Smoothing::new(0.6, 0.5e-3);
         let rotation = DQuat::from_scaled_axis(DVec3::new(0.2, -0.3, 0.1));
         let pose = Pose::new(rotation, DVec3::new(0.0135, 0.001, -0.0006));
-        let of = |parts| Contact::within(parts, &smoothing, 2.0, &ContactRegion::Everywhere);
+        let [small, large] = [small, large].map(Arc::new);
+        let of = |parts: [&Arc<_>; 2]| Contact::new(parts.map(Arc::clone), &smoothing, 2.0);
         let one = of([&large, &small]).unwrap();
         let other = of([&small, &large]).unwrap();
         assert_eq!((one.sampled, other.sampled), (Side::Moving, Side::Fixed));

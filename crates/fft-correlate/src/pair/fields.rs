@@ -14,6 +14,7 @@ use crate::geometry::translation::TranslationWindow;
 use crate::pair::contact::{Contact, jump};
 use crate::pair::interpolation::Interpolation;
 use crate::pair::model::{ModelError, PairProvenance, ScoreModel};
+use crate::pair::region::{ContactRegion, PoseWindow};
 
 /// The fixed and the moving part's densities, the model, and the moving part's pivot.
 ///
@@ -225,6 +226,20 @@ impl Pair {
     /// those that it was loaded for ([`crate::PairSetup::load_in`]).
     pub fn displacements(&self) -> Option<Aabb> {
         self.partial.and_then(|partial| partial.displacements)
+    }
+
+    /// Where the parts may touch at the poses that the pair is for.
+    pub(crate) fn contact_region(&self) -> ContactRegion {
+        match &self.partial {
+            None => ContactRegion::Everywhere,
+            Some(partial) => match partial.displacements {
+                Some(displacements) => ContactRegion::Window(PoseWindow {
+                    pivot: self.pivot,
+                    displacements,
+                }),
+                None => ContactRegion::Box(partial.side, partial.reached),
+            },
+        }
     }
 
     /// The part of whose density only some is there.

@@ -7,9 +7,9 @@ use glam::DVec3;
 use sdf_grid::{Aabb, DensityField, FieldCache, Lattice, Monitor, TriangleMesh};
 
 use super::builder::{PairBuildError, PairPlan};
-use super::contact::ContactParts;
+use super::contact::Contact;
 use super::fields::{Pair, Partial};
-use super::region::{ContactRegion, PoseWindow};
+use super::region::PoseWindow;
 use crate::geometry::se3::Pose;
 use crate::geometry::side::Side;
 
@@ -170,12 +170,11 @@ impl PairPlan {
         &self,
         parts: [&TriangleMesh; 2],
         partial: &Partial,
-        region: &ContactRegion,
         cache: Option<&FieldCache>,
         monitor: &dyn Monitor,
     ) -> Result<Pair, PairBuildError> {
         let pieces = PairPieces::new(self, parts, partial.side, cache, monitor)?;
-        pieces.piece(partial, region, monitor)
+        pieces.piece(partial, monitor)
     }
 
     /// What all parts of the pair share.
@@ -221,9 +220,8 @@ impl PairPlan {
         let groups = self.grouped(Self::larger(fixed, moving), poses);
         let pieces = self.pieces([fixed, moving], cache, monitor)?;
         let build = |(reached, indices): (Aabb, Vec<usize>)| {
-            let region = ContactRegion::Box(pieces.larger, reached);
             let partial = self.partial(pieces.larger, reached);
-            Ok((pieces.piece(&partial, &region, monitor)?, indices))
+            Ok((pieces.piece(&partial, monitor)?, indices))
         };
         groups.into_iter().map(build).collect()
     }
@@ -276,7 +274,7 @@ pub(crate) struct PairPieces {
     /// The part of which pieces are computed.
     larger: Side,
     smaller: Arc<DensityField>,
-    contact: Option<ContactParts>,
+    contact: Option<Contact>,
     cache: Option<FieldCache>,
 }
 
@@ -293,7 +291,7 @@ impl PairPieces {
                 Side::Fixed => plan.moving_field(moving, cache, monitor)?,
                 Side::Moving => plan.fixed_field(fixed, cache, monitor)?,
             },
-            contact: plan.contact_parts([fixed, moving])?,
+            contact: plan.contact([fixed, moving])?,
             plan: plan.clone(),
             meshes: [fixed, moving].map(|mesh| Arc::new(mesh.clone())),
             larger,
@@ -303,7 +301,8 @@ impl PairPieces {
 
     /// Bytes of what is shared.
     pub(crate) fn bytes(&self) -> u64 {
-        DensityField::memory_bytes(self.smaller.lattice())
+        let contact = self.contact.as_ref().map_or(0, Contact::bytes);
+        DensityField::memory_bytes(self.smaller.lattice()).saturating_add(contact)
     }
 
     /// The pair for poses at which the pivot is displaced within a box, metres.
@@ -315,11 +314,10 @@ impl PairPieces {
         displacements: &Aabb,
         monitor: &dyn Monitor,
     ) -> Result<Pair, PairBuildError> {
-        let window = self.plan.window(displacements);
         let reached = self.plan.window_reached(self.larger, displacements);
         let mut partial = self.plan.partial(self.larger, reached);
         partial.displacements = Some(*displacements);
-        self.piece(&partial, &ContactRegion::Window(window), monitor)
+        self.piece(&partial, monitor)
     }
 
     /// The pair for poses at which the middle of the smaller part lies in a box of the larger one's
@@ -335,7 +333,7 @@ impl PairPieces {
         let [fixed, moving] = &self.meshes;
         let reached = places.grown(self.plan.radius([fixed, moving]));
         let partial = self.plan.partial(self.larger, reached);
-        self.piece(&partial, &ContactRegion::Box(self.larger, reached), monitor)
+        self.piece(&partial, monitor)
     }
 
     /// The whole pair.
@@ -343,33 +341,19 @@ impl PairPieces {
     /// # Errors
     /// As [`PairPlan::build`].
     pub(crate) fn whole(&self, monitor: &dyn Monitor) -> Result<Pair, PairBuildError> {
-        self.joined(&self.plan, &ContactRegion::Everywhere, monitor)
+        self.joined(&self.plan, monitor)
     }
 
     /// The pair, of the larger part only what lies in a box of its frame, and a little more.
-    fn piece(
-        &self,
-        partial: &Partial,
-        region: &ContactRegion,
-        monitor: &dyn Monitor,
-    ) -> Result<Pair, PairBuildError> {
-        let pair = self.joined(
-            &self.plan.within(self.larger, &partial.reached),
-            region,
-            monitor,
-        )?;
+    fn piece(&self, partial: &Partial, monitor: &dyn Monitor) -> Result<Pair, PairBuildError> {
+        let plan = self.plan.within(self.larger, &partial.reached);
+        let pair = self.joined(&plan, monitor)?;
         let whole = self.plan.partial(self.larger, partial.reached).whole;
         Ok(pair.of_a_part(Partial { whole, ..*partial }))
     }
 
-    fn joined(
-        &self,
-        plan: &PairPlan,
-        region: &ContactRegion,
-        monitor: &dyn Monitor,
-    ) -> Result<Pair, PairBuildError> {
-        let contact = self.contact.as_ref().map(|parts| parts.within(region));
-        let (contact, cache) = (contact.transpose()?, self.cache.as_ref());
+    fn joined(&self, plan: &PairPlan, monitor: &dyn Monitor) -> Result<Pair, PairBuildError> {
+        let (contact, cache) = (self.contact.clone(), self.cache.as_ref());
         let [fixed, moving] = &self.meshes;
         let smaller = Arc::clone(&self.smaller);
         let fields = match self.larger {

@@ -31,7 +31,7 @@ impl PoseWindow {
     }
 }
 
-/// Where contact is to be summed.
+/// Where parts may touch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum ContactRegion {
     /// Wherever the parts touch.

@@ -9,6 +9,7 @@
 
 use std::io;
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::DVec3;
 use sdf_grid::atomic::AtomicFolder;
@@ -471,10 +472,10 @@ pub(super) fn read_surfaces(
         // What is read there goes on a little outside.
         displacements: window.node_bounds().grown(3.0 * window.spacing()),
     });
-    let contact = Contact::within([&fixed, &moving], &smoothing, jump, &region);
-    contact
-        .map(Some)
-        .map_err(|e: ContactError| metadata("surfaces", e.to_string()))
+    let contact = Contact::new([fixed, moving].map(Arc::new), &smoothing, jump)
+        .map_err(|e: ContactError| metadata("surfaces", e.to_string()))?;
+    contact.prepare(&region);
+    Ok(Some(contact))
 }
 
 /// Reads both surfaces, which must be those of the provenance; none for a table of densities that

@@ -1,7 +1,7 @@
 //! The contact sum of two parts.
 
+use std::borrow::Cow;
 use std::mem::MaybeUninit;
-use std::sync::Arc;
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, f32x16};
@@ -11,7 +11,7 @@ use glam::{DMat3, DQuat, DVec3};
 use super::kernel::REACH;
 use super::lookup::{Ball, Clusters, DistanceBound};
 use super::patch_integral::{PlacedCluster, sum_cluster};
-use super::patches::{Patch, VisiblePatches};
+use super::patches::{PatchList, VisiblePatches};
 use super::regions::Regions;
 use super::sampling::sample_surface;
 use crate::contact::error::ContactError;
@@ -23,25 +23,6 @@ use crate::support::level;
 use crate::surface::bvh::build::Leaves;
 use crate::surface::bvh::tree::Bvh;
 use crate::surface::coplanar::pieces::EXACT;
-
-/// Two surfaces, prepared for contact sums at any pose, or at the poses of a box.
-///
-/// See the example of [`ContactSum`].
-#[derive(Debug, Clone)]
-pub struct ContactSurfaces {
-    surface: Arc<TriangleMesh>,
-    regions: Arc<Regions>,
-    placing: Arc<Placing>,
-}
-
-/// What places the samples of one surface beside the other, in whichever region.
-#[derive(Debug)]
-struct Placing {
-    distance_bound: DistanceBound,
-    clusters: Clusters,
-    /// Metres.
-    reach: f64,
-}
 
 /// The sum over both surfaces of two parts, `∬ (n1·n2) g(|q - y|) dA1 dA2`, at any pose of one part
 /// in the frame of the other.
@@ -59,10 +40,13 @@ struct Placing {
 /// assert_eq!(at(0.011 + sum.reach()), 0.0);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct ContactSum {
-    visible: VisiblePatches,
-    placing: Arc<Placing>,
+    pub(super) visible: VisiblePatches,
+    distance_bound: DistanceBound,
+    clusters: Clusters,
+    /// Metres.
+    reach: f64,
     level: Level,
 }
 
@@ -80,15 +64,19 @@ pub struct ContactSums {
     pub moment: DVec3,
 }
 
-impl ContactSurfaces {
-    /// Prepares sums as those of [`ContactSum::new`].
+impl ContactSum {
+    /// Prepares the sum over samples of `sampled`, about `distance` wide, of the kernel's integral
+    /// over `surface`, for densities that are smoothed together by a Gaussian of standard deviation
+    /// `width` (both metres).
     ///
     /// # Errors
-    /// As it.
+    /// If a length is not positive and finite, a mesh has no triangle with an area, or there would
+    /// be too many pieces.
     pub fn new(
-        surface: Arc<TriangleMesh>,
+        surface: &TriangleMesh,
         sampled: &TriangleMesh,
-        [width, distance]: [f64; 2],
+        width: f64,
+        distance: f64,
     ) -> Result<Self, ContactError> {
         if !(width.is_finite() && width > 0.0) {
             return Err(ContactError::Width { found: width });
@@ -97,73 +85,44 @@ impl ContactSurfaces {
         let flat = |mesh: &TriangleMesh| FLAT * mesh.bounds().size().max_element();
         let mut samples = sample_surface(sampled, flat(sampled), distance, reach)?;
         let clusters = Clusters::new(&mut samples, reach);
-        let bvh = Bvh::merged(&surface, EXACT, Leaves::Small);
-        let regions = Regions::new(&surface, flat(&surface), reach)?;
+        let bvh = Bvh::merged(surface, EXACT, Leaves::Small);
+        let regions = Regions::new(surface, flat(surface), reach)?;
         Ok(Self {
-            regions: Arc::new(regions),
-            placing: Arc::new(Placing {
-                distance_bound: DistanceBound::new(&surface, &bvh, reach),
-                clusters,
-                reach,
-            }),
-            surface,
-        })
-    }
-
-    /// The sum; if a box of the surface's frame (metres) is given, only for poses at which the sampled
-    /// part lies in it: memory is that of the surface near the box. At these poses it is to the last
-    /// bit what it is without a box, at others it lacks what lies outside.
-    ///
-    /// # Errors
-    /// If there would be too many faces in reach.
-    pub fn sum(&self, region: Option<&Aabb>) -> Result<ContactSum, ContactError> {
-        let lengths = [self.placing.reach, self.placing.clusters.radius];
-        Ok(ContactSum {
-            visible: VisiblePatches::new(&self.surface, &self.regions, lengths, region)?,
-            placing: Arc::clone(&self.placing),
+            visible: VisiblePatches::new(surface, regions, [reach, clusters.radius]),
+            distance_bound: DistanceBound::new(surface, &bvh, reach),
+            clusters,
+            reach,
             level: level::native(),
         })
     }
-}
 
-impl ContactSum {
-    /// Prepares the sum over samples of `sampled`, about `distance` wide, of the kernel's integral
-    /// over `surface`, for densities that are smoothed together by a Gaussian of standard deviation
-    /// `width` (both metres).
-    ///
-    /// # Errors
-    /// If a length is not positive and finite, a mesh has no triangle with an area, or there would
-    /// be too many pieces or too many faces in reach.
-    pub fn new(
-        surface: &TriangleMesh,
-        sampled: &TriangleMesh,
-        width: f64,
-        distance: f64,
-    ) -> Result<Self, ContactError> {
-        let surface = Arc::new(surface.clone());
-        ContactSurfaces::new(surface, sampled, [width, distance])?.sum(None)
+    /// Looks ahead at what lies near a box of the surface's frame (metres), or near the whole surface:
+    /// at poses at which the sampled part lies in the box, [`ContactSum::sum`] then allocates nothing.
+    /// Sums are the same to the last bit.
+    pub fn prepare(&self, region: Option<&Aabb>) {
+        self.visible.prepare(region);
     }
 
     /// Number of samples of the sampled part, and of clusters of up to sixteen of them.
     pub fn samples(&self) -> [usize; 2] {
-        let clusters = &self.placing.clusters.clusters;
+        let clusters = &self.clusters.clusters;
         let full = clusters.iter().flat_map(|c| c.area).filter(|a| *a > 0.0);
         [full.count(), clusters.len()]
     }
 
     /// Distance between the surfaces beyond which the sum is zero, metres.
     pub fn reach(&self) -> f64 {
-        self.placing.reach
+        self.reach
     }
 
-    /// Memory that is held, bytes.
+    /// Memory that is held, bytes: more as poses come to new places.
     pub fn bytes(&self) -> usize {
-        let placing = &self.placing;
-        self.visible.bytes() + placing.distance_bound.bytes() + placing.clusters.bytes()
+        self.visible.bytes() + self.distance_bound.bytes() + self.clusters.bytes()
     }
 
     /// The sum where `y` of the sampled part's frame lies at `rotation * y + translation` of the
-    /// surface's frame, and its exact derivatives.
+    /// surface's frame, and its exact derivatives. What is visible from a place is listed when the first
+    /// pose comes there, and kept.
     pub fn sum(&self, rotation: DQuat, translation: DVec3) -> ContactSums {
         dispatch_lanes!(self.level, simd => sum_clusters(simd, self, DMat3::from_quat(rotation), translation))
     }
@@ -172,7 +131,7 @@ impl ContactSum {
 /// A cluster that may be in reach.
 struct ReachableCluster<'a> {
     placed: PlacedCluster<'a>,
-    patches: &'a [Patch],
+    visible: Cow<'a, PatchList>,
     /// Of its centre from the origin of its part, metres, in the surface's frame.
     lever: DVec3,
 }
@@ -190,11 +149,11 @@ impl<'a> ReachableClusters<'a> {
     /// The next one, whose patches are on their way.
     #[inline(always)]
     fn next(&mut self) -> Option<ReachableCluster<'a>> {
-        let (sum, placing) = (self.sum, &*self.sum.placing);
-        while let Some(ball) = placing.clusters.balls.get(self.next) {
+        let sum = self.sum;
+        while let Some(ball) = sum.clusters.balls.get(self.next) {
             let lever = self.turn * ball.centre;
             let centre = lever + self.translation;
-            if placing.distance_bound.lower_bound(centre) >= placing.reach + ball.radius {
+            if sum.distance_bound.lower_bound(centre) >= sum.reach + ball.radius {
                 self.next = ball.next as usize;
                 continue;
             }
@@ -202,18 +161,18 @@ impl<'a> ReachableClusters<'a> {
             if ball.cluster == Ball::MANY {
                 continue;
             }
-            let Some((patches, at)) = sum.visible.look_up(centre) else {
+            let Some((visible, at)) = sum.visible.look_up(centre) else {
                 continue;
             };
             let placed = PlacedCluster {
-                cluster: &placing.clusters.clusters[ball.cluster as usize],
+                cluster: &sum.clusters.clusters[ball.cluster as usize],
                 turn: self.turn.as_mat3(),
                 at,
                 radius: ball.in_reaches,
             };
             return Some(ReachableCluster {
                 placed,
-                patches,
+                visible,
                 lever,
             });
         }
@@ -237,17 +196,17 @@ fn sum_clusters<S: Simd>(
         translation,
         next: 0,
     };
-    let reach = sum.placing.reach;
+    let reach = sum.reach;
     let mut sums = ContactSums::default();
     let mut found = in_reach.next();
     while let Some(ReachableCluster {
         placed,
-        patches,
+        visible,
         lever,
     }) = found
     {
         found = in_reach.next();
-        let part = sum_cluster(simd, &sum.visible, patches, &placed);
+        let part = sum_cluster(simd, &visible, &placed);
         let square = reach * reach;
         let gradient = part.gradient.as_dvec3() * square;
         let moment = part.moment.as_dvec3() * (square * reach);

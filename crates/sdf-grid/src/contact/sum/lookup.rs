@@ -11,54 +11,25 @@ use crate::mesh::aabb::Aabb;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::bvh::tree::Bvh;
 
-/// A box of cells of a uniform grid, the last direction fastest. Cells of one grid are the same to the
-/// last bit in whichever box.
+/// A uniform grid of cells, the last direction fastest.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grid {
     /// Where the grid begins, metres.
     pub(super) low: DVec3,
     /// Edge of a cell, metres.
     pub(super) edge: f64,
-    /// The box's first cell along each direction, counted from where the grid begins.
-    pub(super) first: [usize; 3],
     pub(super) shape: [usize; 3],
 }
 
 impl Grid {
-    /// The grid's cells between two places along each direction.
-    fn places(&self, low: DVec3, high: DVec3) -> [[f64; 2]; 3] {
+    /// First and last cell along each direction between two places, clamped to the grid.
+    pub(super) fn range(&self, low: DVec3, high: DVec3) -> [[usize; 2]; 3] {
         let place = |p: DVec3| ((p - self.low) / self.edge).floor();
         let (from, to) = (place(low), place(high));
-        std::array::from_fn(|a| [from[a], to[a]])
-    }
-
-    /// First and last cell of the box along each direction between two places, clamped to the box.
-    pub(super) fn range(&self, low: DVec3, high: DVec3) -> [[usize; 2]; 3] {
-        let places = self.places(low, high);
         std::array::from_fn(|a| {
-            let (first, last) = (self.first[a] as f64, self.shape[a] as f64 - 1.0);
-            places[a].map(|i| (i - first).clamp(0.0, last) as usize)
+            let last = self.shape[a] as f64 - 1.0;
+            [from[a], to[a]].map(|i| i.clamp(0.0, last) as usize)
         })
-    }
-
-    /// The same; none if they lie beside the box.
-    pub(super) fn overlap(&self, low: DVec3, high: DVec3) -> Option<[[usize; 2]; 3]> {
-        let places = self.places(low, high);
-        let overlaps = |a: usize| {
-            let first = self.first[a] as f64;
-            places[a][1] >= first && places[a][0] < first + self.shape[a] as f64
-        };
-        (0..3).all(overlaps).then(|| self.range(low, high))
-    }
-
-    /// Those of its cells between two places; the nearest ones if there are none.
-    pub(super) fn part(&self, low: DVec3, high: DVec3) -> Self {
-        let range = self.range(low, high);
-        Self {
-            first: std::array::from_fn(|a| self.first[a] + range[a][0]),
-            shape: range.map(|[from, to]| to + 1 - from),
-            ..*self
-        }
     }
 
     #[inline(always)]
@@ -72,14 +43,93 @@ impl Grid {
 
     /// The middle of a cell.
     pub(super) fn middle(&self, flat: usize) -> DVec3 {
-        let [_, ny, nz] = self.shape;
-        let within = [flat / nz / ny, flat / nz % ny, flat % nz];
-        let index: [f64; 3] = std::array::from_fn(|a| (self.first[a] + within[a]) as f64);
+        let index = self.unravel(flat).map(|n| n as f64);
         self.low + self.edge * (DVec3::from_array(index) + 0.5)
+    }
+
+    fn unravel(&self, flat: usize) -> [usize; 3] {
+        let [_, ny, nz] = self.shape;
+        [flat / nz / ny, flat / nz % ny, flat % nz]
+    }
+}
+
+/// Cells along each edge of a block, as a power of two.
+const BLOCK: u32 = 3;
+
+/// Which of many boxes a cell of a grid lies in, listed by blocks of cells.
+#[derive(Debug)]
+pub(super) struct BlockLists {
+    /// First and last cell of each box along each direction.
+    boxes: Vec<[[u32; 2]; 3]>,
+    blocks: [usize; 3],
+    /// Numbers of boxes, block after block, and where each block begins.
+    ids: Vec<u32>,
+    starts: Vec<u32>,
+}
+
+impl BlockLists {
+    /// Of boxes near the grid.
+    pub(super) fn new(grid: &Grid, boxes: impl Iterator<Item = Aabb>) -> Self {
+        let range = |b: Aabb| grid.range(b.min, b.max).map(|r| r.map(|n| n as u32));
+        let lists = Self {
+            boxes: boxes.map(range).collect(),
+            blocks: grid.shape.map(|n| ((n - 1) >> BLOCK) + 1),
+            ids: Vec::new(),
+            starts: Vec::new(),
+        };
+        // Counts, then places.
+        let mut starts = vec![0; lists.blocks.iter().product::<usize>() + 1];
+        lists.visit(|block, _| starts[block + 1] += 1);
+        for i in 1..starts.len() {
+            starts[i] += starts[i - 1];
+        }
+        let mut next = starts.clone();
+        let mut ids = vec![0; starts.last().map_or(0, |n| *n as usize)];
+        lists.visit(|block, id| {
+            ids[next[block] as usize] = id;
+            next[block] += 1;
+        });
+        Self {
+            ids,
+            starts,
+            ..lists
+        }
+    }
+
+    /// Calls `found` with every block and every box that overlaps it, box after box.
+    fn visit(&self, mut found: impl FnMut(usize, u32)) {
+        for (id, box_) in self.boxes.iter().enumerate() {
+            let [xs, ys, zs] = box_.map(|[first, last]| first >> BLOCK..=last >> BLOCK);
+            for x in xs {
+                for y in ys.clone() {
+                    for z in zs.clone() {
+                        found(self.block([x, y, z]), id as u32);
+                    }
+                }
+            }
+        }
+    }
+
+    fn block(&self, place: [u32; 3]) -> usize {
+        let [x, y, z] = place.map(|n| n as usize);
+        (x * self.blocks[1] + y) * self.blocks[2] + z
+    }
+
+    /// The boxes that a cell lies in, in their order.
+    pub(super) fn of(&self, grid: &Grid, cell: usize) -> impl Iterator<Item = usize> {
+        let cell = grid.unravel(cell).map(|n| n as u32);
+        let block = self.block(cell.map(|n| n >> BLOCK));
+        let ids = &self.ids[self.starts[block] as usize..self.starts[block + 1] as usize];
+        let ids = ids.iter().map(|id| *id as usize);
+        ids.filter(move |id| {
+            let within = |([first, last], n): (&[u32; 2], u32)| (*first..=*last).contains(&n);
+            self.boxes[*id].iter().zip(cell).all(within)
+        })
     }
 }
 
 /// Surfels by the cells of a grid.
+#[derive(Debug)]
 pub(super) struct SurfelGrid {
     grid: Grid,
     /// Regions and numbers of surfels and their places, cell after cell, and where each cell
@@ -156,7 +206,6 @@ impl DistanceBound {
         let grid = Grid {
             low: bounds.min,
             edge: cell,
-            first: [0; 3],
             shape: shape.to_array().map(|n| n as usize),
         };
         let least = (0..grid.count()).into_par_iter().map(|flat| {
@@ -371,7 +420,6 @@ mod tests {
         for edge in [0.07, 0.4, 5.0] {
             let grid = Grid {
                 low: DVec3::ZERO,
-                first: [0; 3],
                 edge,
                 shape: [1.0, 2.0, 0.7].map(|l: f64| (l / edge).ceil() as usize),
             };

@@ -23,7 +23,7 @@ use super::boundary_edges::{EdgeLine, EdgeSums, EdgeView, LocalSamples};
 use super::curved::{DevelopedSamples, OFF};
 use super::kernel::{Quotients, Vectors, components, curvature, scaled, splat, turned};
 use super::lookup::Cluster;
-use super::patches::{Patch, VisiblePatches};
+use super::patches::{Patch, PatchList};
 
 /// Heights, in units of the reach, many times the resolution of single precision: some ten
 /// nanometres. Walls as near as that are flush.
@@ -250,8 +250,7 @@ struct Samples<S: Simd> {
 #[simd]
 pub(super) fn sum_cluster<S: Simd>(
     simd: S,
-    visible: &VisiblePatches,
-    patches: &[Patch],
+    visible: &PatchList,
     placed: &PlacedCluster<'_>,
 ) -> ClusterSum {
     let cluster = placed.cluster;
@@ -267,7 +266,7 @@ pub(super) fn sum_cluster<S: Simd>(
         gradient: [zero; 3],
         flux: [zero; 3],
     };
-    for patch in patches {
+    for patch in &visible.patches {
         add_patch(visible, patch, placed, &samples, &mut totals);
     }
     totals.reduce(&samples)
@@ -275,7 +274,7 @@ pub(super) fn sum_cluster<S: Simd>(
 
 #[inline(always)]
 fn add_patch<S: Simd>(
-    visible: &VisiblePatches,
+    visible: &PatchList,
     patch: &Patch,
     placed: &PlacedCluster<'_>,
     samples: &Samples<S>,
@@ -343,7 +342,7 @@ fn add_patch<S: Simd>(
 /// radius above the foot.
 #[inline(always)]
 fn integrate_patch<S: Simd>(
-    visible: &VisiblePatches,
+    visible: &PatchList,
     patch: &Patch,
     radius: f32,
     (foot, height): (Vec2, f32),

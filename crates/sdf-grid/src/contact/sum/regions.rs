@@ -120,10 +120,10 @@ pub(super) struct Regions {
     pub(super) surfels: Surfels,
     /// Regions that are cylinders, in units of the reach.
     pub(super) cylinders: HashMap<u32, Cylinder>,
-    /// Curved regions that are no cylinders in few flat faces, each with its region: for where the
-    /// kernel reaches over too much of a bend.
+    /// Curved regions that are no cylinders in few flat faces, each with its region, in order: for where
+    /// the kernel reaches over too much of a bend.
     pub(super) faces: Vec<(u32, FlatRegion)>,
-    /// Edges of curved regions, the region to their left seen from outside: region, vertices.
+    /// Edges of curved regions, the region to their left seen from outside: region (in order), vertices.
     pub(super) boundary: Vec<(u32, [u32; 2])>,
 }
 

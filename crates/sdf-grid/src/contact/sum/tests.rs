@@ -411,6 +411,41 @@ fn what_cannot_be_summed_is_refused() {
     assert!(ContactSum::new(&cube, &cube, 1e300, 0.3).is_ok());
 }
 
+/// To the last bit, whoever comes first: poses one by one, poses on all threads, or a box ahead of
+/// them, which holds less than all; and where nothing may be kept.
+#[test]
+fn what_was_prepared_and_when_changes_no_sum() {
+    for section in PegInHole::ALL {
+        let moved = Moved::new(section.pair(1e-4).unwrap());
+        let [a, b] = &moved.parts;
+        let mut sums = [(); 5].map(|()| ContactSum::new(a, b, WIDTH, 1e-3).unwrap());
+        let poses: Vec<Pose> = (0..24).map(|k| moved.pose(contact(k, 3e-4))).collect();
+        let of = |sum: &ContactSum, at: &Pose| sum.sum(at.0, at.1);
+        let expected: Vec<_> = poses.iter().map(|at| of(&sums[0], at)).collect();
+        assert!(expected.iter().any(|sums| sums.value != 0.0));
+        let at_once: Vec<_> = (poses.par_iter().rev())
+            .map(|at| of(&sums[1], at))
+            .collect();
+        assert!(at_once.iter().rev().eq(&expected));
+        let placed = |at: &Pose| b.transformed(at.0, at.1).bounds();
+        sums[2].prepare(Some(&placed(&poses[0])));
+        sums[3].prepare(None);
+        let [asked, near, all] = [0, 2, 3].map(|i| sums[i].bytes());
+        assert!(asked < all && near < all, "{asked} {near} {all}");
+        assert_eq!(of(&sums[2], &poses[0]), expected[0]);
+        // Nothing was left to prepare.
+        assert_eq!(sums[2].bytes(), near);
+        let prepared: Vec<_> = poses.iter().map(|at| of(&sums[3], at)).collect();
+        assert_eq!(prepared, expected);
+        assert_eq!(sums[3].bytes(), all);
+        let least = sums[4].bytes();
+        sums[4].visible.most_kept = 0;
+        let passing: Vec<_> = poses.iter().map(|at| of(&sums[4], at)).collect();
+        assert_eq!(passing, expected);
+        assert_eq!(sums[4].bytes(), least);
+    }
+}
+
 /// Along the insertion path samples pass the hole's rim. Those that pass together make ripple in the
 /// force along the path, which is small beside that across: of points in rows along the rim whose middles
 /// alone count, the round pair's errs by 0.23 of itself, and by 0.11 from one step to the next.

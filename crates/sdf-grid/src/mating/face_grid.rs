@@ -17,6 +17,11 @@ const ENTRIES: f64 = 4e6;
 /// Blocks of a grid, about, at most: cells grow until there are no more.
 const BLOCKS: f64 = (1 << 18) as f64;
 
+/// A surface with more faces in a square of the reach is decimated first, to planes that its own are from
+/// by this share of the reach in the mean (rms).
+const MOST_FACES: f64 = 8.0;
+const OFF: f64 = 0.002;
+
 /// Parts of a cell along each axis, each with its middle's distance from the surface and the faces
 /// that lines through it may meet.
 const PARTS: usize = 4;
@@ -160,8 +165,17 @@ pub struct OppositeFace {
 impl FaceGrid {
     /// The grid of a surface for questions about faces at most `reach` (metres, above 0) away, and
     /// opposite ones whose normals have at least `cosine` (above 0) in common with the opposite of the
-    /// line that meets them.
+    /// line that meets them. Of a surface with far more faces than the reach can tell apart, some are
+    /// taken together, to within some thousandths of the reach.
     pub fn new(mesh: &TriangleMesh, reach: f64, cosine: f64) -> Self {
+        let fine = mesh.triangles().len() as f64 > MOST_FACES * mesh.area() / (reach * reach);
+        match fine {
+            true => Self::of_faces(&mesh.decimated(OFF * reach), reach, cosine),
+            false => Self::of_faces(mesh, reach, cosine),
+        }
+    }
+
+    fn of_faces(mesh: &TriangleMesh, reach: f64, cosine: f64) -> Self {
         let faces: Vec<GridFace> = mesh.faces().map(GridFace::new).collect();
         let bounds = mesh.bounds();
         let covered = bounds.size() + 2.0 * reach;
@@ -638,6 +652,7 @@ mod tests {
     use rand::{Rng, SeedableRng, rngs::SmallRng};
 
     use super::*;
+    use crate::mesh::repair::report::RepairOptions;
     use crate::mesh::shapes::PegInHole;
 
     /// Against a search of the whole tree, near and far from the surfaces of a block with a hole.
@@ -666,6 +681,52 @@ mod tests {
         }
         assert!((200..3800).contains(&inside));
         assert!(!grid.is_deeper(low - 1.0, 0.0));
+    }
+
+    /// Every face of a block in 256: few of them are kept, and say the same.
+    #[test]
+    fn a_finely_cut_surface_is_the_same() {
+        let (block, _) = PegInHole::Combined.pair(0.0).unwrap();
+        let turn = DQuat::from_scaled_axis(DVec3::new(0.4, -1.1, 0.7));
+        let block = block.transformed(turn, DVec3::new(0.01, 0.02, -0.005));
+        let mut vertices = Vec::new();
+        let mut faces: Vec<[DVec3; 3]> = block.faces().collect();
+        for _ in 0..4 {
+            let four = |[a, b, c]: [DVec3; 3]| {
+                let [d, e, f] = [a.midpoint(b), b.midpoint(c), c.midpoint(a)];
+                [[a, d, f], [d, b, e], [f, e, c], [d, e, f]]
+            };
+            faces = faces.into_iter().flat_map(four).collect();
+        }
+        let triangles = (0..faces.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
+        vertices.extend(faces.iter().flatten());
+        let options = RepairOptions::default();
+        let fine = TriangleMesh::clean("fine", vertices, triangles.collect(), &options);
+        let (fine, reach) = (fine.unwrap().0, 0.002);
+        let [coarse, grid] = [&block, &fine].map(|mesh| FaceGrid::new(mesh, reach, 0.9));
+        assert!(8 * grid.faces.len() < fine.triangles().len());
+        let bvh = Bvh::build(&block);
+        let mut random = SmallRng::seed_from_u64(3);
+        let (low, size) = (block.bounds().min, block.bounds().size());
+        let mut met = 0;
+        for _ in 0..4000 {
+            let p = low + size * DVec3::from_array(random.random());
+            let distance = bvh.signed_distance(p);
+            for depth in [0.0, 0.0005] {
+                if (distance + depth).abs() > 0.01 * reach {
+                    assert_eq!(grid.is_deeper(p, depth), distance < -depth, "{distance}");
+                }
+            }
+            // Away from the block's edges, where a line may pass beside a face.
+            let nearest = bvh.nearest(p);
+            let direction = (nearest.point - p).normalize();
+            let [a, b] = [&coarse, &grid].map(|g| g.opposite_face(p, direction, [0.0, reach]));
+            if let (Some(a), Some(b)) = (a, b) {
+                assert!((a.gap - b.gap).abs() < 0.01 * reach, "{a:?} {b:?}");
+                met += 1;
+            }
+        }
+        assert!(met > 100, "{met}");
     }
 
     /// Against all faces, one by one.

@@ -2,6 +2,7 @@
 
 pub(crate) mod aabb;
 pub(crate) mod boolean;
+pub(crate) mod decimation;
 pub(crate) mod error;
 pub(crate) mod measure;
 pub(crate) mod polygon;

@@ -3,6 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use crate::mesh::aabb::Aabb;
+use crate::mesh::decimation::decimate;
 use crate::mesh::error::MeshError;
 use crate::mesh::measure::{face_area, volume};
 use crate::mesh::repair;
@@ -72,6 +73,20 @@ impl TriangleMesh {
             vertices.extend_from_slice(&mesh.vertices);
             triangles.extend(mesh.triangles.iter().map(|t| t.map(|v| v + first)));
         }
+        Self {
+            vertices,
+            triangles,
+        }
+    }
+
+    /// The surface in fewer triangles, `off` (metres) away from this one at most in the mean (rms); this
+    /// one if nothing would be left.
+    pub(crate) fn decimated(&self, off: f64) -> Self {
+        let (triangles, vertices) = decimate(&self.triangles, &self.vertices, off);
+        if triangles.is_empty() {
+            return self.clone();
+        }
+        let (vertices, triangles) = repair::compact(&vertices, triangles);
         Self {
             vertices,
             triangles,

@@ -6,7 +6,6 @@
 //! - [`kernel`]: the kernel over a plane, and vector arithmetic;
 //! - [`curved`]: osculating tori, cylinders, and coordinates developed into a plane;
 //! - [`polylines`]: chains of edges and their simplification;
-//! - [`decimation`]: curved regions in fewer triangles;
 //! - [`regions`]: smooth parts, flat and curved regions of a surface;
 //! - [`sampling`]: samples of a surface;
 //! - [`lookup`]: grids, a lower bound on distance, and samples in clusters;
@@ -17,7 +16,6 @@
 mod boundary_edges;
 pub(crate) mod contact_sum;
 mod curved;
-mod decimation;
 mod kernel;
 mod lookup;
 mod patch_integral;

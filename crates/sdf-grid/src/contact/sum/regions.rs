@@ -7,11 +7,11 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 use super::curved::{Cylinder, Surfel};
-use super::decimation::decimate;
 use super::polylines::{join_chains, thin_out};
 use crate::contact::error::ContactError;
 use crate::contact::samples::surface_pieces;
 use crate::mesh::aabb::Aabb;
+use crate::mesh::decimation::decimate;
 use crate::mesh::triangle_mesh::TriangleMesh;
 use crate::surface::coplanar::outline::{Outline, outlines};
 use crate::surface::face::{Face, Piece};

@@ -249,7 +249,10 @@ fn check_input(name: &str, vertices: &[DVec3], triangles: &[[u32; 3]]) -> Result
 }
 
 /// Keeps the vertices that are used, in the order of their first use.
-fn compact(vertices: &[DVec3], mut triangles: Vec<[u32; 3]>) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+pub(crate) fn compact(
+    vertices: &[DVec3],
+    mut triangles: Vec<[u32; 3]>,
+) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let mut place = vec![u32::MAX; vertices.len()];
     let mut kept = Vec::new();
     for corner in triangles.iter_mut().flatten() {

@@ -17,7 +17,7 @@ const NARROW: f64 = 1e-4;
 
 /// The triangles with corners `vertices[i]` in fewer ones, from which theirs are `off` away at most
 /// in the mean (rms); no point of the boundary is farther from it than that. Deterministic.
-pub(super) fn decimate(
+pub(crate) fn decimate(
     triangles: &[[u32; 3]],
     vertices: &[DVec3],
     off: f64,

@@ -6,6 +6,8 @@ use std::collections::{BinaryHeap, HashMap};
 
 use glam::{DMat3, DVec3};
 
+use super::topology::Topology;
+
 /// Triangles may turn by an angle of this cosine at most in one step.
 const TURN: f64 = 0.7;
 
@@ -173,28 +175,26 @@ impl Surface {
     }
 
     fn prepare(&mut self) {
-        let mut sides: HashMap<[u32; 2], (u32, DVec3)> = HashMap::new();
+        let mut normals = Vec::with_capacity(self.triangles.len());
         for (t, corners) in self.triangles.iter().enumerate() {
             let [a, b, c] = corners.map(|v| self.places[v as usize]);
             let across = (b - a).cross(c - a);
             let area = 0.5 * across.length();
             let normal = across.normalize_or_zero();
-            for k in 0..3 {
-                let [u, v] = [corners[k], corners[(k + 1) % 3]];
-                let side = sides.entry([u.min(v), u.max(v)]).or_default();
-                *side = (side.0 + 1, normal);
-                self.around[u as usize].push(t as u32);
-                let quadric = &mut self.quadrics[u as usize];
+            normals.push(normal);
+            for u in corners {
+                self.around[*u as usize].push(t as u32);
+                let quadric = &mut self.quadrics[*u as usize];
                 *quadric = quadric.plus(Quadric::plane(normal, a, area));
             }
         }
-        let mut boundary: Vec<_> = sides.into_iter().filter(|(_, s)| s.0 != 2).collect();
-        boundary.sort_unstable_by_key(|(ends, _)| *ends);
-        for ([u, v], (_, normal)) in boundary {
-            let [a, b] = [u, v].map(|i| self.places[i as usize]);
-            let across = normal.cross(b - a).normalize_or_zero();
+        let topology = Topology::new(&self.triangles, self.places.len());
+        for edge in topology.edges().filter(|e| e.half_edges().len() != 2) {
+            let [a, b] = edge.vertices().map(|i| self.places[i as usize]);
+            let normal = edge.half_edges().last().map(|h| normals[h.face()]);
+            let across = normal.unwrap_or_default().cross(b - a).normalize_or_zero();
             let weight = BORDER * (b - a).length_squared();
-            for i in [u, v] {
+            for i in edge.vertices() {
                 self.on_boundary[i as usize] = true;
                 let quadric = &mut self.quadrics[i as usize];
                 *quadric = quadric.plus(Quadric::plane(across, a, weight));
@@ -203,12 +203,8 @@ impl Surface {
     }
 
     fn edges(&self) -> Vec<[u32; 2]> {
-        let sides = |t: &[u32; 3]| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]];
-        let sides = self.triangles.iter().flat_map(sides);
-        let mut edges: Vec<[u32; 2]> = sides.map(|[u, v]| [u.min(v), u.max(v)]).collect();
-        edges.sort_unstable();
-        edges.dedup();
-        edges
+        let topology = Topology::new(&self.triangles, self.places.len());
+        topology.edges().map(|edge| edge.vertices()).collect()
     }
 
     fn triangles_at(&self, v: u32) -> impl Iterator<Item = u32> + '_ {

@@ -38,9 +38,20 @@ impl SmoothParts {
     pub(super) fn new(mesh: &TriangleMesh) -> Self {
         let normals = mesh.faces().map(Face::normal_and_area);
         let normals: Vec<DVec3> = normals.map(|n| n.unwrap_or_default().0).collect();
-        let beyond = find_neighbours(mesh.triangles());
-        let (of, bent) = find_components(&normals, &beyond);
-        Self { of, bent, beyond }
+        let topology = mesh.topology();
+        let (of, count) = topology.smooth_patches(&normals, SMOOTH);
+        // Flat as long as all normals are that of the first triangle.
+        let mut first = vec![None; count];
+        let mut bent = vec![false; count];
+        for (part, normal) in of.iter().zip(&normals) {
+            let first = first[*part].get_or_insert(*normal);
+            bent[*part] |= normal.cross(*first).length_squared() > SAME;
+        }
+        Self {
+            of: of.into_iter().map(|part| part as u32).collect(),
+            bent,
+            beyond: (0..normals.len()).map(|t| topology.neighbours(t)).collect(),
+        }
     }
 
     /// The edges of a triangle at which its part ends, the part to their left.
@@ -56,53 +67,6 @@ impl SmoothParts {
         let boundary = (0..3).filter(move |k| ends[*k]);
         boundary.map(move |k| [corners[k], corners[(k + 1) % 3]])
     }
-}
-
-/// The triangle beyond each edge, if there is just one.
-fn find_neighbours(triangles: &[[u32; 3]]) -> Vec<[Option<u32>; 3]> {
-    let mut sides = HashMap::with_capacity(3 * triangles.len());
-    for (t, corners) in triangles.iter().enumerate() {
-        for k in 0..3 {
-            let side = (corners[k], corners[(k + 1) % 3]);
-            let twice = sides.insert(side, t as u32).is_some();
-            if twice {
-                sides.insert(side, u32::MAX);
-            }
-        }
-    }
-    let beyond = |a: u32, b: u32| sides.get(&(b, a)).copied().filter(|t| *t != u32::MAX);
-    let of = |t: &[u32; 3]| [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])].map(|(a, b)| beyond(a, b));
-    triangles.iter().map(of).collect()
-}
-
-/// The smooth region of each triangle, and which regions are not flat.
-fn find_components(normals: &[DVec3], beyond: &[[Option<u32>; 3]]) -> (Vec<u32>, Vec<bool>) {
-    const NONE: u32 = u32::MAX;
-    let mut of = vec![NONE; normals.len()];
-    let mut bent = Vec::new();
-    let mut waiting = Vec::new();
-    for seed in 0..normals.len() {
-        if of[seed] != NONE {
-            continue;
-        }
-        let id = bent.len() as u32;
-        bent.push(false);
-        of[seed] = id;
-        waiting.push(seed);
-        while let Some(t) = waiting.pop() {
-            if normals[t].cross(normals[seed]).length_squared() > SAME {
-                bent[id as usize] = true;
-            }
-            for other in beyond[t].iter().flatten() {
-                let other = *other as usize;
-                if of[other] == NONE && normals[t].dot(normals[other]) >= SMOOTH {
-                    of[other] = id;
-                    waiting.push(other);
-                }
-            }
-        }
-    }
-    (of, bent)
 }
 
 /// Edge of the boxes in which pieces of a curved surface are taken together, in units of the reach.

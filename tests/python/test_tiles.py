@@ -31,7 +31,7 @@ def test_energies_depend_neither_on_what_is_loaded_nor_on_the_order(parts):
     together = pegfit.Pair(*parts, spacing=1.5e-3).evaluator().query(poses)
     assert np.count_nonzero(together.energy) > 5
     # The fields of the plate take 8 MB.
-    little = pegfit.Pair(*parts, spacing=1.5e-3, memory=6_000_000).evaluator()
+    little = pegfit.Pair(*parts, spacing=1.5e-3, memory=7_000_000).evaluator()
     same(little.query(poses), together)
     for i in (9, 2, 9):
         same(little.query(poses[i : i + 1]), together[i : i + 1])

@@ -520,7 +520,9 @@ impl VisiblePatches {
             return make().map(Cow::Owned);
         }
         let list = self.cells[flat].get_or_init(|| {
-            let list = Box::new(make()?);
+            let mut list = Box::new(make()?);
+            list.patches.shrink_to_fit();
+            list.boundary.shrink_to_fit();
             self.kept.fetch_add(list.bytes(), Relaxed);
             Some(list)
         });

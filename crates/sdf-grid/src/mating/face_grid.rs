@@ -17,8 +17,8 @@ const ENTRIES: f64 = 4e6;
 /// Blocks of a grid, about, at most: cells grow until there are no more.
 const BLOCKS: f64 = (1 << 18) as f64;
 
-/// A surface with more faces in a square of the reach is decimated first, to planes that its own are from
-/// by this share of the reach in the mean (rms).
+/// A surface with more faces in a square of the reach is decimated first, and moves by at most this
+/// share of the reach in the mean (rms).
 const MOST_FACES: f64 = 8.0;
 const OFF: f64 = 0.002;
 

@@ -87,7 +87,8 @@ pub(super) struct Regions {
     /// Curved regions that are no cylinders in few flat faces, each with its region, in order: for where
     /// the kernel reaches over too much of a bend.
     pub(super) faces: Vec<(u32, FlatRegion)>,
-    /// Edges of curved regions, the region to their left seen from outside: region (in order), vertices.
+    /// Edges of curved regions, the region to their left seen from outside: region (in order) and
+    /// vertices.
     pub(super) boundary: Vec<(u32, [u32; 2])>,
 }
 

@@ -65,8 +65,8 @@ impl Assembly {
         Self::with(setup, |setup| setup.pair(monitor))
     }
 
-    /// The same for poses near the fit ([`SceneSetup::pair_near_fit`]): of a large part far less is
-    /// computed. [`LivePairs`](crate::LivePairs) brings the rest.
+    /// The same for a loop, for poses near the fit ([`SceneSetup::pair_near_fit`]): of a large part far
+    /// less is computed. [`LivePairs`](crate::LivePairs) brings the rest.
     ///
     /// # Errors
     /// As [`SceneSetup::pair`].
@@ -74,7 +74,7 @@ impl Assembly {
         Self::with(setup, |setup| setup.pair_near_fit(monitor))
     }
 
-    /// The same for poses about the fit ([`SceneSetup::pair_about_fit`]).
+    /// The same for a loop, for poses about the fit ([`SceneSetup::pair_about_fit`]).
     ///
     /// # Errors
     /// As [`SceneSetup::pair`].

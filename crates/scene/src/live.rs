@@ -305,7 +305,7 @@ impl PairFiles {
             Some(store) => self.interpolated(store, &setup),
             None => {
                 let pair = match self.shared {
-                    true => setup.pair(monitor)?,
+                    true => setup.pair_everywhere(monitor)?,
                     false => setup.pair_near(at - self.pivot, monitor)?,
                 };
                 self.direct(&setup.parts, &pair)

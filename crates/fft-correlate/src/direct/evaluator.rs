@@ -123,10 +123,10 @@ pub enum DirectError {
 }
 
 /// How the spacing that gives a number of points depends on it: most lie next to the surfaces.
-const POINTS_BY_SPACING: f64 = 1.0 / 2.5;
+pub(crate) const POINTS_BY_SPACING: f64 = 1.0 / 2.5;
 
 /// Made coarser by this much more, so that the points are not too many after all.
-const COARSER: f64 = 1.02;
+pub(crate) const COARSER: f64 = 1.02;
 
 /// What a [`DirectEvaluator`] is made of, to be printed.
 #[derive(Debug, Clone, PartialEq)]

@@ -19,6 +19,11 @@ use crate::pair::model::{PairProvenance, ScoreModel};
 
 /// Lattice nodes of both parts together that [`default_spacing`] does not exceed.
 const DEFAULT_NODES: f64 = 6e6;
+/// Share of a lattice's exterior nodes whose density counts: in the corners, beyond the halo, there is
+/// none, and of flat faces little before them. 0.5 to 0.75 of pins and blocks.
+const WITHIN_HALO: f64 = 0.68;
+/// Edges and corners carry smoothed densities beyond volume and skin: by this factor at most.
+const BEYOND_SKIN: f64 = 1.12;
 /// Standard deviation, in spacings, of the smoothing: with less, energies depend on how faces lie in
 /// the lattice; with more, what the contact sum leaves of edges grows.
 const SMOOTHING: f64 = 0.7;
@@ -245,10 +250,11 @@ impl PairBuilder {
         let of_moving = sampling(Smoothing::of_moving);
         let kept = [&fixed_lattice, &moving_lattice].map(DensityField::memory_bytes);
         let spread = smoothing.as_ref().map_or(0.0, Smoothing::reach);
-        let parts = [(fixed, &fixed_lattice), (moving, &moving_lattice)];
+        let cells = [(fixed, &fixed_lattice), (moving, &moving_lattice)]
+            .map(|(mesh, lattice)| CellCounts::new(mesh, lattice, spread));
         let plan = PairPlan {
             model: *model,
-            points: fewer_points(model, parts, spread),
+            points: fewer_points(model, &cells),
             kernel,
             bytes: kept[0].saturating_add(kept[1]),
             fixed_lattice,
@@ -278,22 +284,38 @@ impl PairBuilder {
     }
 }
 
-/// Which of two parts, smoothed as far as `spread` (metres), probably has fewer cells for the product
-/// for which either could give the points ([`crate::direct::terms::score_terms`]).
-fn fewer_points(model: &ScoreModel, parts: [(&TriangleMesh, &Lattice); 2], spread: f64) -> Side {
-    // Smoothing takes the interior beyond the surface and the exterior below it.
-    let cells = |(mesh, lattice): (&TriangleMesh, &Lattice)| {
+/// Cells of a part's lattice, estimated from its mesh.
+struct CellCounts {
+    all: f64,
+    /// Where the interior density is not zero.
+    interior: f64,
+    /// Where the exterior density is not zero, the lattice's corners beyond its halo included.
+    exterior: f64,
+}
+
+impl CellCounts {
+    /// Of a part that is smoothed as far as `spread`, metres: smoothing takes the interior beyond the
+    /// surface and the exterior below it.
+    fn new(mesh: &TriangleMesh, lattice: &Lattice, spread: f64) -> Self {
         let (volume, skin) = (mesh.volume(), spread * mesh.area());
         let [interior, inner] =
             [volume + skin, (volume - skin).max(0.0)].map(|v| v / lattice.cell_volume());
         let all = lattice.len() as f64;
-        (all, interior, all - inner)
-    };
-    let [(all_fixed, interior, _), (all_moving, _, exterior)] = parts.map(cells);
+        Self {
+            all,
+            interior,
+            exterior: all - inner,
+        }
+    }
+}
+
+/// Which of two parts probably has fewer cells for the product for which either could give the points
+/// ([`crate::direct::terms::score_terms`]).
+fn fewer_points(model: &ScoreModel, [fixed, moving]: &[CellCounts; 2]) -> Side {
     let fixed_is_fewer = match model.separation_weight {
-        0.0 => interior <= exterior,
-        1.0 => all_fixed < all_moving,
-        _ => all_fixed <= exterior,
+        0.0 => fixed.interior <= moving.exterior,
+        1.0 => fixed.all < moving.all,
+        _ => fixed.all <= moving.exterior,
     };
     match fixed_is_fewer {
         true => Side::Fixed,
@@ -360,6 +382,21 @@ impl PairPlan {
         let fixed = DensityField::working_bytes(&self.fixed_lattice, self.density.sampling);
         let moving = DensityField::working_bytes(&self.moving_lattice, self.sampling_of_moving);
         self.bytes.saturating_add(fixed.max(moving))
+    }
+
+    /// Quadrature points of the pair's evaluator, estimated from the meshes; none with separation or
+    /// without smoothing, as how much of a far exterior counts depends on the shapes.
+    pub(crate) fn estimated_points(&self, [fixed, moving]: [&TriangleMesh; 2]) -> Option<f64> {
+        if self.model.separation_weight != 0.0 || self.smoothing.is_none() {
+            return None;
+        }
+        let counts = |mesh, lattice| CellCounts::new(mesh, lattice, self.spread());
+        let of_moving = counts(moving, &self.moving_lattice);
+        let second = match self.points {
+            Side::Fixed => counts(fixed, &self.fixed_lattice).interior,
+            Side::Moving => WITHIN_HALO * of_moving.exterior,
+        };
+        Some(BEYOND_SKIN * (of_moving.interior + second))
     }
 
     /// How far smoothing spreads a density, metres.

@@ -7,6 +7,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use sdf_grid::{Aabb, DensityError, FieldCache, KernelError, Monitor, TriangleMesh};
 
+use crate::direct::evaluator::{COARSER, POINTS_BY_SPACING};
 use crate::geometry::placement::Placement;
 use crate::geometry::se3::Pose;
 use crate::pair::builder::{PairBuildError, PairBuilder, PairPlan};
@@ -127,6 +128,30 @@ impl PairSetup {
     /// As [`PairBuilder::plan`].
     pub fn plan(&self) -> Result<PairPlan, PairBuildError> {
         self.builder.plan(&self.fixed, &self.moving, &self.model)
+    }
+
+    /// The setup of a loop: on a lattice on which the pair's evaluator has about as many points as it
+    /// may at most ([`DirectOptions::max_points`](crate::DirectOptions::max_points)), where its own
+    /// gives more: 60 to 100 % of them. The evaluator would leave a finer lattice by itself
+    /// ([`DirectEvaluator::new`](crate::DirectEvaluator::new)), after its fields were computed; here
+    /// nothing is. With separation, and without smoothing, the setup as it is.
+    ///
+    /// # Errors
+    /// As [`PairBuilder::plan`], but for memory.
+    pub fn with_points(&self, max_points: usize) -> Result<Self, PairBuildError> {
+        let (parts, most) = ([&*self.fixed, &*self.moving], max_points as f64);
+        let mut setup = self.clone();
+        loop {
+            let plan = setup.plan_unlimited()?;
+            let excess = plan
+                .estimated_points(parts)
+                .map_or(0.0, |points| points / most);
+            if excess <= 1.0 {
+                return Ok(setup);
+            }
+            let coarser = COARSER * excess.powf(POINTS_BY_SPACING);
+            setup.builder.spacing = Some(coarser * plan.spacing());
+        }
     }
 
     /// The pair with its energy scale; fields come from the cache or are computed.
@@ -462,6 +487,31 @@ mod tests {
             let source = DirectEvaluator::new(&pair, &DirectOptions::REAL_TIME).unwrap();
             let (peak, _) = peak_force(&source, &Pose::IDENTITY, setup.reach());
             assert!((1.5..6.0).contains(&peak), "{kind:?}: {peak}");
+        }
+    }
+
+    /// Whichever part stays and gives the points; and a lattice that has few enough is left alone.
+    #[test]
+    fn a_loops_lattice_gives_about_as_many_points_as_it_may() {
+        let plate = shapes::cuboid(DVec3::new(0.1, 0.08, 0.006)).unwrap();
+        let pin = shapes::cuboid(DVec3::new(0.006, 0.007, 0.02)).unwrap();
+        let pairs = [
+            <[_; 2]>::from(PegInHole::Combined.pair(0.0).unwrap()),
+            [plate, pin],
+        ];
+        for [a, b] in pairs.map(|pair| pair.map(Arc::new)) {
+            for [fixed, moving] in [[&a, &b], [&b, &a]] {
+                let setup = PairSetup::new(Arc::clone(fixed), Arc::clone(moving));
+                for most in [7000, 14_000] {
+                    let few = setup.with_points(most).unwrap();
+                    let pair = few.load(&Silent).unwrap();
+                    let source = DirectEvaluator::new(&pair, &DirectOptions::FULL).unwrap();
+                    let share = source.describe().points() as f64 / most as f64;
+                    assert!((0.6..1.05).contains(&share), "{share} of {most} points");
+                    let many = few.with_points(most + most / 5).unwrap();
+                    assert_eq!(many.builder.spacing, few.builder.spacing);
+                }
+            }
         }
     }
 

@@ -156,7 +156,7 @@ function handle(message: ArrayBuffer): void {
 }
 
 function answer(name: string, question: number): void {
-    if (/^(slice|skeleton)\//.test(name)) return help({ want: name, question });
+    if (/^(slice\/|skeleton\/|error$)/.test(name)) return help({ want: name, question });
     post({ question, bytes: bytes(name) });
 }
 

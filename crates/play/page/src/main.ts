@@ -85,6 +85,7 @@ async function begin(stage: Stage): Promise<void> {
     loaded = stage.stage;
     cut();
     for (const layer of ["slice", "skeleton"] as const) show(layer);
+    void accuracy(stage);
     say("");
 }
 
@@ -135,6 +136,19 @@ function save(blob: Blob | null | undefined, name: string): void {
     setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
 }
 
+/** How far the forces are off, once somebody looks: it takes finer densities than the loop's. */
+async function accuracy(stage: Stage | undefined): Promise<void> {
+    const [label, value] = [element("off-by"), element("accuracy")];
+    label.hidden = value.hidden = !stage || Boolean(stage.error);
+    if (!stage || value.hidden || !element<HTMLDetailsElement>("about-loop").open) return;
+    if (value.dataset.stage === `${stage.stage}`) return;
+    value.dataset.stage = `${stage.stage}`;
+    value.textContent = "computing …";
+    const bytes = await link.bytes("error");
+    if (current !== stage) return;
+    value.textContent = bytes ? new TextDecoder().decode(bytes) : "not known";
+}
+
 async function log(): Promise<void> {
     const bytes = await link.bytes("log.csv");
     save(bytes && new Blob([bytes], { type: "text/csv" }), "pegfit-play.csv");
@@ -162,6 +176,7 @@ box("gizmo").onchange = () => {
 };
 element("mode").onclick = () => handles(element("mode").textContent === "turn");
 for (const layer of ["slice", "skeleton"] as const) box(layer).onchange = () => show(layer);
+element("about-loop").ontoggle = () => void accuracy(current);
 element("home").onclick = () => view.goHome();
 element("snap").onclick = () => script(3);
 element("collision").onclick = () => script(2);

@@ -143,7 +143,8 @@ export interface Stage {
     /** Greatest force (N) and torque (N·m) that the loop shows. */
     limits?: [number, number];
     source?: string;
-    error?: string;
+    /** Of a table, what it states; of sums `link.bytes("error")` computes it. */
+    error?: string | null;
     coarser?: string;
 }
 

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use fft_correlate::{
-    DirectOptions, DockingRequest, EnergyScale, EnergySource, Placement, Pose, TableStore,
+    DirectEvaluator, DirectOptions, DockingRequest, EnergyScale, EnergySource, Placement, Pose,
+    TableStore,
 };
 use glam::{DQuat, DVec3};
 use haptic::Geometry;
@@ -31,6 +32,7 @@ pub struct SceneContent {
     moving: MeshMessage,
     /// The coordinate axis across which parts are cut open: 0, 1, 2.
     cut: usize,
+    geometry: Geometry,
     description: Value,
     monitor: Arc<dyn Monitor + Send>,
     /// Nobody looks any more.
@@ -85,6 +87,7 @@ impl SceneContent {
             fixed,
             moving,
             cut: cut_axis(&played.geometry),
+            geometry: played.geometry,
             description: Value::Null,
             monitor,
             over: AtomicBool::new(false),
@@ -103,10 +106,18 @@ impl SceneContent {
         let geometry = played.geometry;
         let limits = &assembly.scene().device.limits;
         let grip = assembly.workspace().grip;
-        let (source_words, error) = match (played.table).or(assembly.scene().fixed.table.as_deref())
-        {
-            Some(path) => of_table(path)?,
-            None => of_evaluator(assembly, source, &geometry)?,
+        let table = (played.table).or(assembly.scene().fixed.table.as_deref());
+        let (source_words, error) = match table {
+            Some(path) => {
+                let (words, error) = of_table(path)?;
+                (words, Some(error))
+            }
+            None => {
+                let spacing = 1e3 * assembly.pair.spacing();
+                let words = format!("Forces by direct sums on densities {spacing:.2} mm apart.");
+                // Finer densities decide: computed when somebody asks for them.
+                (words, None)
+            }
         };
         Ok(json!({
             "title": assembly.scene().moving.name,
@@ -196,15 +207,35 @@ impl SceneContent {
         Some(bytes)
     }
 
+    /// How far the forces of the loop's densities are off, in words: beside sums over every cell of
+    /// the scene's own, at poses about the path in.
+    fn error(&self) -> Result<String, PlayError> {
+        let (assembly, setup) = (&self.assembly, &self.assembly.setup);
+        let poses = poses_about_path(&self.geometry).into_iter();
+        let poses: Vec<Pose> = poses.map(|p| setup.placement().to_shapes(&p)).collect();
+        let forces = |source: &DirectEvaluator, indices: &[usize]| -> Vec<DVec3> {
+            let mut scratch = source.scratch();
+            let force = |i: &usize| source.evaluate(&poses[*i], &mut scratch).wrench.force;
+            indices.iter().map(force).collect()
+        };
+        let all: Vec<usize> = (0..poses.len()).collect();
+        let found = forces(&assembly.direct(&DirectOptions::REAL_TIME)?, &all);
+        let mut expected = vec![DVec3::ZERO; poses.len()];
+        for (pair, indices) in setup.pairs_at(&poses, &Quiet(self))? {
+            let full = setup.direct(&pair, &DirectOptions::FULL)?;
+            for (index, force) in indices.iter().zip(forces(&full, &indices)) {
+                expected[*index] = force;
+            }
+        }
+        let error = 100.0 * force_error(&found, &expected);
+        Ok(format!("{error:.1} % (rms) of sums over every cell"))
+    }
+
     /// A part's skeleton: points and their densities.
     fn skeleton(&self, name: &str) -> Option<Vec<u8>> {
         let (_, pose) = self.part(name)?;
-        let pair = &self.assembly.pair;
-        // Of a part that is there near the fit only, all of it.
-        let pair = match pair.is_whole() {
-            true => pair.clone(),
-            false => self.assembly.setup.pair(&Quiet(self)).ok()?,
-        };
+        // The loop's is coarser, and of a large part only what is near the fit.
+        let pair = self.assembly.setup.pair(&Quiet(self)).ok()?;
         let field = match name {
             "moving" => pair.moving(),
             _ => pair.fixed(),
@@ -225,6 +256,9 @@ impl Content for SceneContent {
     }
 
     fn bytes(&self, name: &str) -> Option<Vec<u8>> {
+        if name == "error" {
+            return self.error().ok().map(String::into_bytes);
+        }
         let (kind, part) = name.split_once('/')?;
         match (kind, part) {
             ("mesh", "moving") => Some(self.moving.bytes.clone()),
@@ -310,29 +344,14 @@ fn of_table(path: &Path) -> Result<(String, String), PlayError> {
     Ok((format!("Forces from the table {}.", path.display()), error))
 }
 
-/// The same for the evaluator: against the sum over every cell, at poses about the path in.
-fn of_evaluator(
-    assembly: &Assembly,
-    source: &dyn EnergySource,
-    geometry: &Geometry,
-) -> Result<(String, String), PlayError> {
-    let full = assembly.source(&DirectOptions::FULL)?;
-    let error = 100.0 * force_error(source, &full, geometry);
-    let spacing = 1e3 * assembly.pair.spacing();
-    Ok((
-        format!("Forces by direct sums on densities {spacing:.2} mm apart."),
-        format!("They are within {error:.1} % (rms) of sums over every cell."),
-    ))
-}
-
 /// Points of the curve of the energy on the straight path in.
 const POINTS: u32 = 120;
 
 /// Share of the depth from which, and to which, the curve goes.
 const SPAN: (f64, f64) = (-0.6, 1.08);
 
-/// Poses at which two sources are compared.
-const POSES: u32 = 24;
+/// Poses at which forces are compared.
+const POSES: usize = 24;
 
 /// The assembled pose withdrawn so that it is `depth` metres in.
 fn at_depth(geometry: &Geometry, depth: f64) -> Pose {
@@ -375,23 +394,27 @@ fn profile(source: &dyn EnergySource, geometry: &Geometry) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// Root mean square difference of the forces of two sources at poses about the path in, as a share of
-/// that of `truth`.
-fn force_error(source: &dyn EnergySource, truth: &dyn EnergySource, geometry: &Geometry) -> f64 {
+/// Poses about the path in, at which forces are compared.
+fn poses_about_path(geometry: &Geometry) -> Vec<Pose> {
     let mut rng = SmallRng::seed_from_u64(7);
-    let (mut ours, mut theirs) = (source.scratch(), truth.scratch());
-    let (mut difference, mut scale) = (0.0, 0.0);
-    for _ in 0..POSES {
+    let about = |_| {
         let mut pose = at_depth(geometry, geometry.depth * rng.random_range(0.0..1.0));
         let mut any =
             |most: f64| DVec3::from_array([(); 3].map(|()| rng.random_range(-1.0..1.0) * most));
         pose.translation += any(0.3 * geometry.radius);
         pose.rotation =
             (DQuat::from_scaled_axis(any(0.5 * geometry.tilt)) * pose.rotation).normalize();
-        let expected = truth.evaluate(&pose, &mut theirs).wrench.force;
-        let found = source.evaluate(&pose, &mut ours).wrench.force;
-        difference += (found - expected).length_squared();
-        scale += expected.length_squared();
-    }
-    (difference / scale.max(f64::MIN_POSITIVE)).sqrt()
+        pose
+    };
+    (0..POSES).map(about).collect()
+}
+
+/// Root mean square difference of forces, as a share of that of the `expected` ones.
+fn force_error(found: &[DVec3], expected: &[DVec3]) -> f64 {
+    let off = found
+        .iter()
+        .zip(expected)
+        .map(|(f, e)| (*f - *e).length_squared());
+    let scale: f64 = expected.iter().map(|e| e.length_squared()).sum();
+    (off.sum::<f64>() / scale.max(f64::MIN_POSITIVE)).sqrt()
 }

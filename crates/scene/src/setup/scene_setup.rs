@@ -118,7 +118,8 @@ impl SceneSetup {
         (parts.load_in(&window, monitor)).map_err(|e| self.scene.pair_error(e))
     }
 
-    /// The pair for poses near the fit, where a hand begins; the whole one unless that is far more
+    /// The pair of a loop ([`DirectOptions::REAL_TIME`]) for poses near the fit, where a hand begins:
+    /// on a lattice that gives few enough points, and the whole one unless that is far more
     /// ([`Pair::is_whole`]).
     ///
     /// # Errors
@@ -127,14 +128,14 @@ impl SceneSetup {
         self.pair_about_fit(NEAR, monitor)
     }
 
-    /// The pair for poses about the fit, `lengths` of the moving part's longest side around it
-    /// beyond the scene's window; the whole one unless that is far more ([`Pair::is_whole`]).
+    /// The same for poses about the fit, `lengths` of the moving part's longest side around it beyond
+    /// the scene's window.
     ///
     /// # Errors
     /// As [`SceneSetup::pair`].
     pub fn pair_about_fit(&self, lengths: f64, monitor: &dyn Monitor) -> Result<Pair, SceneError> {
-        let pivot = self.pivot()?;
-        self.pair_within(self.parts.displacements(pivot).center(), lengths, monitor)
+        let at = self.parts.displacements(self.pivot()?).center();
+        self.pair_of_loop(at, (lengths, FAR_LESS), monitor)
     }
 
     /// The same for poses near a displacement of the pivot, metres: as far around it as the scene's
@@ -143,20 +144,31 @@ impl SceneSetup {
     /// # Errors
     /// As [`SceneSetup::pair`].
     pub fn pair_near(&self, at: DVec3, monitor: &dyn Monitor) -> Result<Pair, SceneError> {
-        self.pair_within(at, NEAR, monitor)
+        self.pair_of_loop(at, (NEAR, FAR_LESS), monitor)
     }
 
-    fn pair_within(
+    /// The same for all poses.
+    ///
+    /// # Errors
+    /// As [`SceneSetup::pair`].
+    pub fn pair_everywhere(&self, monitor: &dyn Monitor) -> Result<Pair, SceneError> {
+        self.pair_of_loop(DVec3::ZERO, (0.0, 0.0), monitor)
+    }
+
+    /// The same for poses near a displacement, metres: the whole from a share of its bytes on.
+    fn pair_of_loop(
         &self,
         at: DVec3,
-        lengths: f64,
+        (lengths, most): (f64, f64),
         monitor: &dyn Monitor,
     ) -> Result<Pair, SceneError> {
-        let parts = &self.parts;
+        let few = DirectOptions::REAL_TIME.max_points.unwrap_or(usize::MAX);
+        let parts = self.parts.with_points(few);
+        let parts = parts.map_err(|e| self.scene.fields_error(e))?;
         let longest = parts.moving.bounds().size().max_element();
         let half = parts.reach() + lengths * longest;
         let near = Aabb::around([at - half, at + half]);
-        let pair = parts.load_partly(&near, FAR_LESS, monitor);
+        let pair = parts.load_partly(&near, most, monitor);
         pair.map_err(|e| self.scene.pair_error(e))
     }
 

@@ -15,11 +15,23 @@ export function readMesh(buffer: ArrayBuffer): THREE.BufferGeometry {
     geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
     const corners = new Uint32Array(buffer, 8 + 12 * vertices, 3 * triangles);
     geometry.setIndex(new THREE.BufferAttribute(corners, 1));
-    return toCreasedNormals(geometry, CREASE);
+    return enlarged(geometry, (large) => toCreasedNormals(large, CREASE));
+}
+
+/** Of a geometry in large units: three.js takes corners within a hundredth of a unit for one. */
+function enlarged<T extends THREE.BufferGeometry>(
+    geometry: THREE.BufferGeometry, make: (large: THREE.BufferGeometry) => T,
+): T {
+    geometry.computeBoundingSphere();
+    const scale = 1e5 / (geometry.boundingSphere?.radius || 1);
+    const made = make(geometry.clone().scale(scale, scale, scale));
+    made.scale(1 / scale, 1 / scale, 1 / scale);
+    return made;
 }
 
 export function edges(geometry: THREE.BufferGeometry): THREE.EdgesGeometry {
-    return new THREE.EdgesGeometry(geometry, THREE.MathUtils.radToDeg(CREASE));
+    const angle = THREE.MathUtils.radToDeg(CREASE);
+    return enlarged(geometry, (large) => new THREE.EdgesGeometry(large, angle));
 }
 
 /** Red inside, blue outside, as in all pictures of densities; clear where there is nothing. */

@@ -10,6 +10,7 @@ use fft_correlate::{
 };
 use glam::{DQuat, DVec3};
 use haptic::Geometry;
+use haptic::scene::with_spare_core;
 use pegfit_pictures::{Slice, number, sheet, skeleton_points};
 use pegfit_scene::{Assembly, Scene};
 use rand::rngs::SmallRng;
@@ -257,7 +258,8 @@ impl Content for SceneContent {
 
     fn bytes(&self, name: &str) -> Option<Vec<u8>> {
         if name == "error" {
-            return self.error().ok().map(String::into_bytes);
+            let error = with_spare_core(|| self.error()).ok()?;
+            return error.ok().map(String::into_bytes);
         }
         let (kind, part) = name.split_once('/')?;
         match (kind, part) {
@@ -266,13 +268,20 @@ impl Content for SceneContent {
                 let number: usize = number.parse().ok()?;
                 self.fixed.get(number).map(|mesh| mesh.bytes.clone())
             }
-            ("slice", part) => self.slice(part),
-            ("skeleton", part) => self.skeleton(part),
+            ("slice", part) => with_spare_core(|| self.slice(part)).ok()?,
+            ("skeleton", part) => with_spare_core(|| self.skeleton(part)).ok()?,
             _ => None,
         }
     }
 
     fn dock(&self) -> Result<Value, String> {
+        with_spare_core(|| self.fits()).map_err(|e| e.to_string())?
+    }
+}
+
+impl SceneContent {
+    /// The poses that a search finds, as places of the page.
+    fn fits(&self) -> Result<Value, String> {
         let mut setup = self.assembly.setup.clone();
         // Energies on the page have one scale.
         setup.parts.energy = EnergyScale::Gamma(self.assembly.pair.model().gamma);

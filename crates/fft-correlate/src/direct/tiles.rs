@@ -22,7 +22,7 @@ use sdf_grid::{Aabb, Monitor};
 use crate::direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
 use crate::energy::{EnergySource, Response, Scratch};
 use crate::geometry::se3::{Pose, Wrench};
-use crate::pair::builder::{PairBuildError, PairPlan};
+use crate::pair::builder::{PairBuildError, PairPlan, contact_bytes};
 use crate::pair::fields::{Pair, PairError};
 use crate::pair::reach::PairPieces;
 use crate::pair::setup::{EnergyScaleError, PairSetup, PairSetupError};
@@ -169,7 +169,9 @@ impl TiledEvaluator {
     pub fn require_memory(setup: &PairSetup, options: &DirectOptions) -> Result<(), TileError> {
         match Self::tile_at_fit(setup, options)? {
             Some(tile) => {
-                tile.require_bytes(tile.building_bytes(), setup.builder.memory_limit)?;
+                let limit = setup.builder.memory_limit;
+                let needed = tile.building_bytes() + contact_bytes(limit);
+                tile.require_bytes(needed, limit)?;
             }
             None => {
                 setup.plan().map_err(PairSetupError::from)?;
@@ -377,6 +379,8 @@ struct Tiles {
     /// Of the whole pair.
     plan: PairPlan,
     pieces: PairPieces,
+    /// Bytes that tiles may take.
+    limit: Option<u64>,
     gamma: f64,
     /// The first corner of the tile with the fit, metres, and the edge of all.
     origin: DVec3,
@@ -462,14 +466,19 @@ impl Tiles {
         options: &DirectOptions,
         monitor: &dyn Monitor,
     ) -> Result<Self, TileError> {
-        let plan = setup.plan_unlimited().map_err(PairSetupError::from)?;
+        let mut plan = setup.plan_unlimited().map_err(PairSetupError::from)?;
+        let limit = setup.builder.memory_limit;
+        plan.contact_bytes = contact_bytes(limit);
         let parts = [&*setup.fixed, &*setup.moving];
         let gamma = setup.gamma()?;
-        plan.require_bytes(plan.smaller_bytes(parts), setup.builder.memory_limit)?;
+        plan.require_bytes(plan.smaller_bytes(parts), limit)?;
         let pieces = apart(|| plan.pieces(parts, setup.cache.as_ref(), monitor))??;
         let edge = EDGE * plan.radius(parts);
         let fit = plan.place(parts, &setup.assembled);
+        // What contact may come to keep never makes room for a tile.
+        let shared = pieces.bytes() + plan.contact_bytes;
         Ok(Self {
+            limit: limit.map(|limit| limit.saturating_sub(shared)),
             origin: fit - 0.5 * edge,
             setup: setup.clone(),
             options: *options,
@@ -601,7 +610,7 @@ impl Tiles {
         let tile = self.load_of(Slot::Tile(key), tile.as_ref());
         let whole = self.load_of(Slot::Whole, Some(&self.plan));
         let is_kept = kept.slots.contains_key(&tile.slot);
-        let fits = self.limit().is_none_or(|limit| whole.needed <= limit);
+        let fits = self.limit.is_none_or(|limit| whole.needed <= limit);
         let cheaper = kept.spent + tile.fields > whole.fields
             || tile.fields as f64 > FAR_LESS * whole.fields as f64;
         match fits && cheaper && !is_kept {
@@ -619,15 +628,9 @@ impl Tiles {
         }
     }
 
-    /// Bytes that tiles may take.
-    fn limit(&self) -> Option<u64> {
-        let limit = self.setup.builder.memory_limit;
-        limit.map(|limit| limit.saturating_sub(self.pieces.bytes()))
-    }
-
     /// Gives up tiles until another one fits; false while what is being loaded stands in its way.
     fn make_room(&self, kept: &mut Kept, load: &Load) -> Result<bool, TileError> {
-        let Some(limit) = self.limit() else {
+        let Some(limit) = self.limit else {
             return Ok(true);
         };
         self.plan

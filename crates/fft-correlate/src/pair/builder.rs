@@ -19,6 +19,8 @@ use crate::pair::model::{PairProvenance, ScoreModel};
 
 /// Lattice nodes of both parts together that [`default_spacing`] does not exceed.
 const DEFAULT_NODES: f64 = 6e6;
+/// Bytes that contact keeps, whatever the limit.
+const MOST_CONTACT: u64 = 1 << 30;
 /// Share of a lattice's exterior nodes whose density counts: in the corners, beyond the halo, there is
 /// none, and of flat faces little before them. 0.5 to 0.75 of pins and blocks.
 const WITHIN_HALO: f64 = 0.68;
@@ -93,6 +95,8 @@ pub struct PairPlan {
     pub sampling_of_moving: Sampling,
     /// How both are smoothed.
     pub(crate) smoothing: Option<Smoothing>,
+    /// Most bytes of what contact keeps of the places that poses come to.
+    pub(crate) contact_bytes: u64,
     /// Whose cells are the points of a product for which either part could give them: that which
     /// probably has fewer that count.
     pub(crate) points: Side,
@@ -262,6 +266,7 @@ impl PairBuilder {
             density,
             sampling_of_moving: of_moving,
             smoothing,
+            contact_bytes: contact_bytes(self.memory_limit),
             pivot: spacing * (b.center() / spacing).round(),
         };
         plan.require_bytes(plan.building_bytes(), self.memory_limit)?;
@@ -307,6 +312,11 @@ impl CellCounts {
             exterior: all - inner,
         }
     }
+}
+
+/// Most bytes of what contact keeps of the places that poses come to, within a limit for all.
+pub(crate) fn contact_bytes(limit: Option<u64>) -> u64 {
+    limit.map_or(MOST_CONTACT, |limit| MOST_CONTACT.min(limit / 8))
 }
 
 /// Which of two parts probably has fewer cells for the product for which either could give the points
@@ -470,7 +480,13 @@ impl PairPlan {
             return Ok(None);
         };
         let parts = parts.map(|part| Arc::new(part.clone()));
-        Ok(Some(Contact::new(parts, smoothing, jump(&self.model)?)?))
+        let jump = jump(&self.model)?;
+        Ok(Some(Contact::new(
+            parts,
+            smoothing,
+            jump,
+            self.contact_bytes,
+        )?))
     }
 
     /// The fixed part's density on its lattice.

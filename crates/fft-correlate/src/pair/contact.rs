@@ -127,7 +127,8 @@ pub(crate) struct ContactScore {
 }
 
 impl Contact {
-    /// Of two parts under a model with this [`jump`]; the part with the smaller surface is sampled.
+    /// Of two parts under a model with this [`jump`]; the part with the smaller surface is sampled. Of
+    /// what poses come to, about `kept` bytes at most are kept.
     ///
     /// # Errors
     /// As [`ContactSum::new`].
@@ -135,6 +136,7 @@ impl Contact {
         parts: [Arc<TriangleMesh>; 2],
         smoothing: &Smoothing,
         jump: f64,
+        kept: u64,
     ) -> Result<Self, ContactError> {
         let [fixed, moving] = &parts;
         let sampled = match fixed.area() < moving.area() {
@@ -147,7 +149,7 @@ impl Contact {
         };
         let sum = ContactSum::new(surface, samples, smoothing.width(), smoothing.samples())?;
         Ok(Self {
-            sum: Arc::new(sum),
+            sum: Arc::new(sum.keeping(kept)),
             parts,
             smoothing: *smoothing,
             sampled,
@@ -251,7 +253,8 @@ mod tests {
         let rotation = DQuat::from_scaled_axis(DVec3::new(0.2, -0.3, 0.1));
         let pose = Pose::new(rotation, DVec3::new(0.0135, 0.001, -0.0006));
         let [small, large] = [small, large].map(Arc::new);
-        let of = |parts: [&Arc<_>; 2]| Contact::new(parts.map(Arc::clone), &smoothing, 2.0);
+        let of =
+            |parts: [&Arc<_>; 2]| Contact::new(parts.map(Arc::clone), &smoothing, 2.0, 1 << 30);
         let one = of([&large, &small]).unwrap();
         let other = of([&small, &large]).unwrap();
         assert_eq!((one.sampled, other.sampled), (Side::Moving, Side::Fixed));

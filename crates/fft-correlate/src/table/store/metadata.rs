@@ -19,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::geometry::placement::Placement;
+use crate::pair::builder::contact_bytes;
 use crate::pair::contact::{Contact, Smoothing, jump};
 use crate::pair::region::{ContactRegion, PoseWindow};
 use crate::rotations::grid::RotationGrid;
@@ -472,7 +473,8 @@ pub(super) fn read_surfaces(
         // What is read there goes on a little outside.
         displacements: window.node_bounds().grown(3.0 * window.spacing()),
     });
-    let contact = Contact::new([fixed, moving].map(Arc::new), &smoothing, jump)
+    let parts = [fixed, moving].map(Arc::new);
+    let contact = Contact::new(parts, &smoothing, jump, contact_bytes(None))
         .map_err(|e: ContactError| metadata("surfaces", e.to_string()))?;
     contact.prepare(&region);
     Ok(Some(contact))

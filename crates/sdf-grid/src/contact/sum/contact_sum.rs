@@ -96,6 +96,13 @@ impl ContactSum {
         })
     }
 
+    /// The same, of which at most about so many bytes are kept of what poses come to (1 GiB unless this
+    /// is called): what is beyond is listed anew each time, many times slower.
+    pub fn keeping(mut self, bytes: u64) -> Self {
+        self.visible.most_kept = usize::try_from(bytes).unwrap_or(usize::MAX);
+        self
+    }
+
     /// Looks ahead at what lies near a box of the surface's frame (metres), or near the whole surface:
     /// at poses at which the sampled part lies in the box, [`ContactSum::sum`] then allocates nothing.
     /// Sums are the same to the last bit.

@@ -442,8 +442,14 @@ const CELL: f64 = 0.5;
 /// Most cells that a surface is divided into.
 const MOST_CELLS: f64 = 1e6;
 
-/// Bytes of lists from which on no more are kept.
+/// Bytes of lists from which on no more are kept, unless asked otherwise.
 const MOST_KEPT: usize = 1 << 30;
+
+/// Cells, one after the other, whose lists have a place in memory as soon as one of them does.
+const RUN: usize = 16;
+
+/// The list of a cell, once a pose came there; none if no surface is visible.
+type CellList = OnceLock<Option<Box<PatchList>>>;
 
 /// Patches by the cells from which they are in reach, listed when a place in a cell is first asked for.
 #[derive(Debug)]
@@ -452,8 +458,8 @@ pub(super) struct VisiblePatches {
     /// Cells per metre, and their edge in units of the reach.
     per_metre: f64,
     in_reaches: f64,
-    cells: Vec<OnceLock<Option<Box<PatchList>>>>,
-    /// Bytes of the lists that are kept, and from which on no more are.
+    runs: Vec<OnceLock<Box<[CellList; RUN]>>>,
+    /// Bytes of the lists and runs that are kept, and from which on no more are.
     kept: AtomicUsize,
     pub(super) most_kept: usize,
 }
@@ -479,7 +485,9 @@ impl VisiblePatches {
             surface: Surface::new(mesh.vertices().to_vec(), regions, grid, reach, range),
             per_metre: 1.0 / cell,
             in_reaches: cell / reach,
-            cells: (0..grid.count()).map(|_| OnceLock::new()).collect(),
+            runs: (0..grid.count().div_ceil(RUN))
+                .map(|_| OnceLock::new())
+                .collect(),
             kept: AtomicUsize::new(0),
             most_kept: MOST_KEPT,
         }
@@ -504,7 +512,8 @@ impl VisiblePatches {
     /// made anew each time.
     #[inline(always)]
     fn list(&self, flat: usize) -> Option<Cow<'_, PatchList>> {
-        match self.cells[flat].get() {
+        let run = self.runs[flat / RUN].get();
+        match run.and_then(|run| run[flat % RUN].get()) {
             Some(list) => list.as_deref().map(Cow::Borrowed),
             None => self.make_list(flat),
         }
@@ -519,7 +528,11 @@ impl VisiblePatches {
         if self.kept.load(Relaxed) >= self.most_kept {
             return make().map(Cow::Owned);
         }
-        let list = self.cells[flat].get_or_init(|| {
+        let run = self.runs[flat / RUN].get_or_init(|| {
+            self.kept.fetch_add(size_of::<[CellList; RUN]>(), Relaxed);
+            Box::new([const { OnceLock::new() }; RUN])
+        });
+        let list = run[flat % RUN].get_or_init(|| {
             let mut list = Box::new(make()?);
             list.patches.shrink_to_fit();
             list.boundary.shrink_to_fit();
@@ -549,6 +562,6 @@ impl VisiblePatches {
 
     /// Memory that is held, bytes.
     pub(super) fn bytes(&self) -> usize {
-        size_of_val(self.cells.as_slice()) + self.kept.load(Relaxed)
+        size_of_val(self.runs.as_slice()) + self.kept.load(Relaxed)
     }
 }

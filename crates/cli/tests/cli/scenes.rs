@@ -106,7 +106,7 @@ fn three_holes(meshes: [&str; 3]) -> (String, usize) {
     let path = folder.path().join("scene.toml");
     let old = std::fs::read_to_string(&path).unwrap();
     let mut scene = old.replace("fixed = \"hole.obj\"\n", "");
-    scene += "[loading]\nmemory_mib = 3.15\nahead = 1.0\n";
+    scene += "[loading]\nmemory_mib = 3.5\nahead = 1.0\n";
     let places = [
         "position = [0, 0, 0]",
         "position = [0.3, 0, 0]\nrotation = [0, 0, 0.6, 0.8]",

@@ -20,7 +20,7 @@ use crate::direct::terms::{Term, score_terms};
 use crate::energy::{EnergySource, Response, Scratch};
 use crate::geometry::se3::{Pose, Wrench};
 use crate::geometry::side::Side;
-use crate::pair::builder::{PairBuildError, coarser_pair};
+use crate::pair::builder::{PairBuildError, coarsening, coarser_pair};
 use crate::pair::contact::Contact;
 use crate::pair::fields::Pair;
 use crate::vectors;
@@ -121,12 +121,6 @@ pub enum DirectError {
         found: u64,
     },
 }
-
-/// How the spacing that gives a number of points depends on it: most lie next to the surfaces.
-pub(crate) const POINTS_BY_SPACING: f64 = 1.0 / 2.5;
-
-/// Made coarser by this much more, so that the points are not too many after all.
-pub(crate) const COARSER: f64 = 1.02;
 
 /// What a [`DirectEvaluator`] is made of, to be printed.
 #[derive(Debug, Clone, PartialEq)]
@@ -268,8 +262,7 @@ impl DirectEvaluator {
         let points: Vec<_> = terms.iter().map(|t| Cells::new(pair, t)).collect();
         let count: usize = points.iter().map(Cells::count).sum();
         if let Some(most) = options.max_points.filter(|most| count > *most) {
-            let factor = (count as f64 / most as f64).powf(POINTS_BY_SPACING);
-            let coarser = coarser_pair(pair, contact, COARSER * factor)
+            let coarser = coarser_pair(pair, contact, coarsening(count as f64 / most as f64))
                 .map_err(|e| DirectError::Coarser(Box::new(e)))?;
             return Self::new(&coarser, options);
         }

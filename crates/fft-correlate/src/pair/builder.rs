@@ -528,6 +528,12 @@ impl PairPlan {
     }
 }
 
+/// How many times as coarse a lattice must be that gives fewer points, if it gives so many times too
+/// many: most lie next to the surfaces. A little more, so that they are not too many after all.
+pub(crate) fn coarsening(excess: f64) -> f64 {
+    1.02 * excess.powf(1.0 / 2.5)
+}
+
 /// The pair of `contact`'s parts, that of `pair`, on lattices `factor` times as coarse: the same
 /// model, and the same energies up to what the coarser lattice leaves. Fields are looked for, and
 /// kept, where those of `pair` are.

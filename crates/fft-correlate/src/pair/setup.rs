@@ -7,10 +7,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 use sdf_grid::{Aabb, DensityError, FieldCache, KernelError, Monitor, TriangleMesh};
 
-use crate::direct::evaluator::{COARSER, POINTS_BY_SPACING};
 use crate::geometry::placement::Placement;
 use crate::geometry::se3::Pose;
-use crate::pair::builder::{PairBuildError, PairBuilder, PairPlan};
+use crate::pair::builder::{PairBuildError, PairBuilder, PairPlan, coarsening};
 use crate::pair::contact::jump;
 use crate::pair::fields::Pair;
 use crate::pair::model::ScoreModel;
@@ -149,8 +148,7 @@ impl PairSetup {
             if excess <= 1.0 {
                 return Ok(setup);
             }
-            let coarser = COARSER * excess.powf(POINTS_BY_SPACING);
-            setup.builder.spacing = Some(coarser * plan.spacing());
+            setup.builder.spacing = Some(coarsening(excess) * plan.spacing());
         }
     }
 

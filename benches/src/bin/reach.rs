@@ -22,11 +22,10 @@ use sdf_grid::{Silent, TriangleMesh};
 
 /// Side of a plate and diameter of its pin, millimetres, and what docking took before fields were
 /// computed on demand: wall seconds and GiB.
-const PLATES: [([f64; 2], &str); 4] = [
+const PLATES: [([f64; 2], &str); 3] = [
     ([100.0, 8.0], "45 s, 0.8 GiB"),
     ([200.0, 6.0], "200 s, 3.4 GiB"),
     ([400.0, 5.0], "more than 400 s, 12.2 GiB"),
-    ([1000.0, 5.0], "-"),
 ];
 
 /// Share of its bytes from which on a loop's pair is computed whole.

@@ -22,7 +22,7 @@ use sdf_grid::{Aabb, Monitor};
 use crate::direct::evaluator::{DirectError, DirectEvaluator, DirectOptions};
 use crate::energy::{EnergySource, Response, Scratch};
 use crate::geometry::se3::{Pose, Wrench};
-use crate::pair::builder::{PairBuildError, PairPlan, contact_bytes};
+use crate::pair::builder::{PairBuildError, PairPlan};
 use crate::pair::fields::{Pair, PairError};
 use crate::pair::reach::PairPieces;
 use crate::pair::setup::{EnergyScaleError, PairSetup, PairSetupError};
@@ -170,7 +170,7 @@ impl TiledEvaluator {
         match Self::tile_at_fit(setup, options)? {
             Some(tile) => {
                 let limit = setup.builder.memory_limit;
-                let needed = tile.building_bytes() + contact_bytes(limit);
+                let needed = tile.building_bytes() + tile.contact_bytes;
                 tile.require_bytes(needed, limit)?;
             }
             None => {
@@ -466,9 +466,8 @@ impl Tiles {
         options: &DirectOptions,
         monitor: &dyn Monitor,
     ) -> Result<Self, TileError> {
-        let mut plan = setup.plan_unlimited().map_err(PairSetupError::from)?;
+        let plan = setup.plan_unlimited().map_err(PairSetupError::from)?;
         let limit = setup.builder.memory_limit;
-        plan.contact_bytes = contact_bytes(limit);
         let parts = [&*setup.fixed, &*setup.moving];
         let gamma = setup.gamma()?;
         plan.require_bytes(plan.smaller_bytes(parts), limit)?;

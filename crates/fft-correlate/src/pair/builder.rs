@@ -554,7 +554,8 @@ pub(crate) fn coarser_pair(
         ..PairBuilder::default()
     };
     let [fixed, moving] = contact.parts();
-    let plan = builder.plan(fixed, moving, pair.model())?;
+    let mut plan = builder.plan(fixed, moving, pair.model())?;
+    plan.contact_bytes = contact.kept;
     match pair.partial() {
         None => plan.build(fixed, moving, pair.cache(), &Silent),
         Some(p) => plan.build_within([fixed, moving], p, pair.cache(), &Silent),

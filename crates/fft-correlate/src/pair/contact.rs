@@ -105,6 +105,8 @@ pub struct Contact {
     /// Whose surface is made of samples.
     sampled: Side,
     jump: f64,
+    /// Most bytes that are kept of what poses come to.
+    pub(crate) kept: u64,
 }
 
 impl PartialEq for Contact {
@@ -154,6 +156,7 @@ impl Contact {
             smoothing: *smoothing,
             sampled,
             jump,
+            kept,
         })
     }
 

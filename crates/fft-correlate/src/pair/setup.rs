@@ -9,7 +9,7 @@ use sdf_grid::{Aabb, DensityError, FieldCache, KernelError, Monitor, TriangleMes
 
 use crate::geometry::placement::Placement;
 use crate::geometry::se3::Pose;
-use crate::pair::builder::{PairBuildError, PairBuilder, PairPlan, coarsening};
+use crate::pair::builder::{PairBuildError, PairBuilder, PairPlan, coarsening, contact_bytes};
 use crate::pair::contact::jump;
 use crate::pair::fields::Pair;
 use crate::pair::model::ScoreModel;
@@ -231,7 +231,9 @@ impl PairSetup {
             memory_limit: None,
             ..self.builder
         };
-        unlimited.plan(&self.fixed, &self.moving, &self.model)
+        let mut plan = unlimited.plan(&self.fixed, &self.moving, &self.model)?;
+        plan.contact_bytes = contact_bytes(self.builder.memory_limit);
+        Ok(plan)
     }
 
     /// The pair as far as some poses of the moving part reach: of the larger part the density is
@@ -497,7 +499,14 @@ mod tests {
             <[_; 2]>::from(PegInHole::Combined.pair(0.0).unwrap()),
             [plate, pin],
         ];
-        for [a, b] in pairs.map(|pair| pair.map(Arc::new)) {
+        let turned = pairs
+            .each_ref()
+            .map(|[a, b]| [anywhere(a, 0.3), anywhere(b, 1.7)]);
+        for [a, b] in pairs
+            .into_iter()
+            .chain(turned)
+            .map(|pair| pair.map(Arc::new))
+        {
             for [fixed, moving] in [[&a, &b], [&b, &a]] {
                 let setup = PairSetup::new(Arc::clone(fixed), Arc::clone(moving));
                 for most in [7000, 14_000] {
